@@ -22,7 +22,7 @@ from sim_ecu.physics.compiled import compiled
 from wrcd.errors import InputError
 from wrcd.estimator.design import Design
 from wrcd.estimator.estimator import OFFSET_WINDOWS
-from wrcd.estimator.records import one_tick
+from wrcd.estimator.records import Tick
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -124,7 +124,7 @@ class Beside:
         out, newest = np.full((t, n), np.nan), np.full(n, np.nan)
         for k in range(t):
             result = estimator.step(
-                one_tick(
+                Tick(
                     int(ticks.number[k]), ticks.z[k], ticks.present[k], ticks.torque_ratio[k],
                     float(ticks.speed_m_s[k]),
                 )

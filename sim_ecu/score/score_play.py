@@ -13,16 +13,15 @@ from sim_ecu.play.mapped import Train
 from sim_ecu.play.play import LOG_START_US
 from sim_ecu.play.player import LARGE_CHUNK, Player
 from sim_ecu.play.train import PACKAGED
-from sim_ecu.score.baselines import Baseline, BoolArray, GivenTicks
+from sim_ecu.score.baselines import Baseline, GivenTicks
 from sim_ecu.score.suites.run import Run
 from wrcd.bus.frame import Frame
 from wrcd.core.causes import Cause
 from wrcd.core.configuration import MAX_AXLES, Config
 from wrcd.core.core import Core, Observer
 from wrcd.core.vocabulary import CONFIDENCES, DROP_AHEAD, MESSAGES, Words
-from wrcd.estimator import records as estimator_records
 from wrcd.estimator.design import Design
-from wrcd.estimator.records import Estimate, StepResult
+from wrcd.estimator.records import Estimate, StepResult, Tick
 from wrcd.logs.decoder import UNKNOWN, MessageDecoder, Values, decoders
 
 FloatArray = NDArray[np.float64]
@@ -116,16 +115,12 @@ class TickRecorder(Observer):
 
     def __init__(self, design: Design, axles: int) -> None:
         self._design, self._axles = design, axles
-        self.ticks: list[tuple[int, FloatArray, BoolArray, FloatArray, float]] = []
+        self.ticks: list[Tick] = []
         self._seen: list[tuple[int, FloatArray]] = []
 
-    def stepped(self, ticks: estimator_records.Ticks, first: int, result: StepResult) -> None:
-        """Keep the ticks."""
-        for k in range(first, first + len(result)):
-            self.ticks.append(
-                (ticks.number + k, ticks.z[k].copy(), ticks.present[k].copy(), ticks.torque_ratio[k].copy(),
-                 ticks.speeds_m_s[k])
-            )  # fmt: skip
+    def stepped(self, tick: Tick, result: StepResult) -> None:
+        """Keep the tick."""
+        self.ticks.append(tick)
 
     def estimated(self, tick: int, estimate: Estimate) -> None:
         """Keep what the rules were given."""
@@ -133,19 +128,18 @@ class TickRecorder(Observer):
 
     def all(self) -> GivenTicks:
         """Everything so far."""
-        numbers, z, present, ratios, speeds = zip(*self.ticks, strict=True)
         width = self._seen[0][1].shape[1] if self._seen else 0
         seen = np.full((len(self.ticks), self._axles, width), np.nan)
         ends = [*(at for at, _ in self._seen[1:]), len(self.ticks) + 1]
         for (at, inputs), until in zip(self._seen, ends, strict=False):
             seen[at - 1 : until - 1] = inputs
         return GivenTicks(
-            z=np.stack(z),
-            present=np.stack(present),
-            torque_ratio=np.stack(ratios),
-            speed_m_s=np.array(speeds),
+            z=np.stack([t.z for t in self.ticks]),
+            present=np.stack([t.present for t in self.ticks]),
+            torque_ratio=np.stack([t.torque_ratio for t in self.ticks]),
+            speed_m_s=np.array([t.speed_m_s for t in self.ticks]),
             tick_s=self._design.tick_s,
-            number=np.array(numbers),
+            number=np.array([t.number for t in self.ticks]),
             seen=seen,
         )
 

@@ -15,8 +15,7 @@ from wrcd import resources
 from wrcd.estimator.design import MODELS, Design, FloatArray, load_design
 from wrcd.estimator.estimator import Estimator
 from wrcd.estimator.paper.bank import Bank
-from wrcd.estimator.paper.window import BLOCK_TICKS
-from wrcd.estimator.records import Ticks
+from wrcd.estimator.records import Tick
 
 AXLES = (1, 4, 8, 32)
 SPEED_M_S = 60.0  # a speed of the design's grid and of the bank's nodes: the reference discretises there exactly
@@ -75,13 +74,8 @@ def _bank(design: Design, models: list[Gains], axles: int) -> Row:
     z, c = measurements(design, axles), library()
     present = np.ones((2, axles), dtype=bool)
     bank, peer = Bank(design, axles), Peer(models, axles)
-    speeds = [SPEED_M_S] * BLOCK_TICKS
 
     def ours(count: int) -> None:
-        for i in range(0, count, BLOCK_TICKS):
-            bank.step_all(z[i % TICKS : i % TICKS + BLOCK_TICKS], speeds)
-
-    def one(count: int) -> None:
         for i in range(count):
             bank.step(z[i % TICKS], present, SPEED_M_S)
 
@@ -89,8 +83,7 @@ def _bank(design: Design, models: list[Gains], axles: int) -> Row:
         for i in range(count):
             peer.step(z[i % TICKS])
 
-    cases = {"ours": Case(ours, TICKS), "ours, tick by tick": Case(one, TICKS)}
-    cases["filterpy"] = Case(peers, max(4, 64 // axles))
+    cases = {"ours": Case(ours, TICKS), "filterpy": Case(peers, max(4, 64 // axles))}
     if c is not None:
         loop = BankLoop(c, design, axles, np.full(TICKS, SPEED_M_S))
         e, w = np.empty((2, TICKS, MODELS, 2, axles))
@@ -110,22 +103,16 @@ def _estimator(design: Design, models: list[Gains], axles: int) -> Row:
     """The whole step: offset, joints, gate, bank, noise, identity, window. filterpy's is the bank's part alone."""
     z = measurements(design, axles)
     estimator, peer = Estimator(design, axles), Peer(models, axles)
-    present = np.ones((BLOCK_TICKS, 2, axles), dtype=bool)
-    ratio, speeds = np.full((BLOCK_TICKS, axles), TORQUE_RATIO), [SPEED_M_S] * BLOCK_TICKS
+    present, ratio = np.ones((2, axles), dtype=bool), np.full(axles, TORQUE_RATIO)
     number = 0
 
     def ours(count: int) -> None:
-        """Block by block, as the core does."""
         nonlocal number
-        for _ in range(0, count, BLOCK_TICKS):
-            at = number % TICKS
-            ticks, done = Ticks(number, z[at : at + BLOCK_TICKS], present, ratio, speeds), 0
-            while done < BLOCK_TICKS:
-                result = estimator.step(ticks, done)
-                done += len(result)
-                for axle in np.flatnonzero(result.needs_reset).tolist():
-                    estimator.reset(axle)
-            number += BLOCK_TICKS
+        for _ in range(count):
+            result = estimator.step(Tick(number, z[number % TICKS], present, ratio, SPEED_M_S))
+            for axle in np.flatnonzero(result.needs_reset).tolist():
+                estimator.reset(axle)
+            number += 1
 
     def peers(count: int) -> None:
         for i in range(count):

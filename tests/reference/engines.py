@@ -22,7 +22,7 @@ from tests.reference.rules import FuzzyReference, Row, SlidingWindow
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core, Observer
 from wrcd.estimator.design import Design
-from wrcd.estimator.records import Estimate, StepResult, Ticks
+from wrcd.estimator.records import Estimate, StepResult, Tick
 from wrcd.logs.reader import LogReader
 
 FloatArray = NDArray[np.float64]
@@ -69,33 +69,29 @@ class BothEngines(Observer):
         if not any(a.started for a in self._axles):
             self._tracked.reset()
 
-    def stepped(self, ticks: Ticks, first: int, result: StepResult) -> None:
+    def stepped(self, tick: Tick, result: StepResult) -> None:
         """Step the reference and compare the innovations. Which samples to use and which are pulses the fast one
         says."""
-        for k in range(len(result)):
-            self._step(ticks, first + k, result, k)
-
-    def _step(self, ticks: Ticks, at: int, result: StepResult, k: int) -> None:
         f = self.findings
         f.ticks += 1
-        z, e, number = ticks.z[at], result.innovations[k], ticks.number + at
-        self._at_m_s = speed = self._tracked.step(ticks.speeds_m_s[at])
+        z, e, number = tick.z, result.innovations, tick.number
+        self._at_m_s = speed = self._tracked.step(tick.speed_m_s)
         matrices = self._schedule.at(speed)
         for a, axle in enumerate(self._axles):
-            used = bool(result.accepted[k, a])
-            calm = used and not result.near_pulse[k, a]
+            used = bool(result.accepted[a])
+            calm = used and not result.near_pulse[a]
             reference = axle.filter(z[:, a], used, calm, matrices)
             axle.noise.step(z[:, a], calm)
             whitened = np.array([matrices[3][m] @ reference[m] for m in range(4)])
             axle.started |= used
             if axle.started:
-                live_calm = bool(result.live[k, a]), bool(result.calm[k, a])
-                axle.put(number, whitened, live_calm, float(ticks.torque_ratio[at, a]), speed)
+                live_calm = bool(result.live[a]), bool(result.calm[a])
+                axle.put(number, whitened, live_calm, float(tick.torque_ratio[a]), speed)
                 if number % 16 == 15:
                     noise, held = self._schedule.noise_power(speed), self._schedule.held(speed)
                     axle.window.remember(noise, axle.noise.factor(), held, self._fuzzy_reference.answer)
             live = axle.live.step(axle.z, used, speed)
-            f.partial += bool(ticks.present[at, :, a].any()) and not used
+            f.partial += bool(tick.present[:, a].any()) and not used
             if not used:
                 continue
             f.innovation = max(f.innovation, float(np.abs(e[:, :, a] - reference).max()))

@@ -12,7 +12,7 @@ from tests.support.scenarios import FOUR_AXLES, LogOf, held
 from wrcd.config.config import load_config
 from wrcd.core.core import Core, Observer
 from wrcd.estimator.paper import bank
-from wrcd.estimator.records import Estimate, StepResult, Ticks
+from wrcd.estimator.records import Estimate, StepResult, Tick
 from wrcd.estimator.signals import noise
 from wrcd.logs.damage import Damage
 from wrcd.logs.reader import read_log
@@ -61,9 +61,9 @@ class Lengths(Observer):
         self.pulses = 0
         self._near_pulse = False
 
-    def stepped(self, ticks: Ticks, first: int, result: StepResult) -> None:
+    def stepped(self, tick: Tick, result: StepResult) -> None:
         """Keep the newest tick's."""
-        self._near_pulse = bool(result.near_pulse[-1, 0])
+        self._near_pulse = bool(result.near_pulse[0])
 
     def estimated(self, tick: int, estimate: Estimate) -> None:
         """Of a slot."""

@@ -23,7 +23,7 @@ from wrcd.core.configuration import Config
 from wrcd.core.core import BACKWARD_STEP_US, FORWARD_STEP_US, Core
 from wrcd.estimator.design import CHANNELS, Design, FloatArray
 from wrcd.estimator.estimator import Estimator
-from wrcd.estimator.records import Estimate, StepResult, Ticks, one_tick
+from wrcd.estimator.records import Estimate, StepResult, Tick
 from wrcd.estimator.trust.health import PairHealth
 from wrcd.progress import Progress
 from wrcd.recorder.state import state_of
@@ -58,18 +58,16 @@ class Kept(Estimator):
         self._snapshots: deque[tuple[int, FloatArray, PairHealth]] = deque(maxlen=n // SNAPSHOT_TICKS + 1)
         self._ticks = 0
 
-    def step(self, ticks: Ticks, first: int = 0) -> StepResult:
+    def step(self, tick: Tick) -> StepResult:
         if not self._snapshots or self._ticks - self._snapshots[-1][0] >= SNAPSHOT_TICKS:
             self._snapshots.append((self._ticks, self._bank.x, deepcopy(self.health)))
-        result = super().step(ticks, first)
-        for k in range(first, first + len(result)):
-            at = self._ticks % KEPT_TICKS
-            self._z[at], self._there[at], self._ratio[at] = ticks.z[k], ticks.present[k], ticks.torque_ratio[k]
-            self._speeds[at], self._number[at] = ticks.speeds_m_s[k], ticks.number + k
-            self._restarted[at] = self._to_restart
-            self._to_restart[:] = False
-            self._ticks += 1
-        return result
+        at = self._ticks % KEPT_TICKS
+        self._z[at], self._there[at], self._ratio[at] = tick.z, tick.present, tick.torque_ratio
+        self._speeds[at], self._number[at] = tick.speed_m_s, tick.number
+        self._restarted[at] = self._to_restart
+        self._to_restart[:] = False
+        self._ticks += 1
+        return super().step(tick)
 
     def reset(self, axle: int) -> None:
         self._to_restart[axle] = True
@@ -88,7 +86,7 @@ class Kept(Estimator):
                 x, health = snapshots[tick]
                 out._bank.x, out.health = x.copy(), deepcopy(health)
             result = out.step(
-                one_tick(int(self._number[at]), self._z[at], self._there[at], self._ratio[at], float(self._speeds[at]))
+                Tick(int(self._number[at]), self._z[at], self._there[at], self._ratio[at], float(self._speeds[at]))
             )
             needs_reset = result.needs_reset
         for axle in np.flatnonzero(self._to_restart):

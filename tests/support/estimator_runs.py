@@ -7,16 +7,16 @@ import numpy as np
 from tests.support.signals import measured
 from wrcd.estimator.design import FloatArray
 from wrcd.estimator.estimator import Estimator
-from wrcd.estimator.records import Estimate, Ticks, one_tick
+from wrcd.estimator.records import Estimate, Tick
 
 RATIO = 0.136  # of the torque that `measured` has by default
 EVERY = 4  # ticks between two estimates, as on the bus
 PER_S = 200
 
 
-def tick(k: int, z: FloatArray, ratio: float | FloatArray = RATIO, speed: float = 25.0) -> Ticks:
+def tick(k: int, z: FloatArray, ratio: float | FloatArray = RATIO, speed: float = 25.0) -> Tick:
     n = z.shape[1]
-    return one_tick(k, z, np.isfinite(z), np.broadcast_to(np.asarray(ratio, np.float64), n).copy(), speed)
+    return Tick(k, z, np.isfinite(z), np.broadcast_to(np.asarray(ratio, np.float64), n).copy(), speed)
 
 
 def track(seconds: float, seed: int = 1, curve: str = "B", torque_Nm: float = 10_000.0) -> FloatArray:

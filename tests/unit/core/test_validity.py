@@ -1,7 +1,7 @@
 """Validity and its cause."""
 
 import struct
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import groupby, pairwise
 from pathlib import Path
@@ -35,8 +35,7 @@ from wrcd.core.validity import (
     ValidityMonitor,
     verdict,
 )
-from wrcd.estimator.answer import Draft
-from wrcd.estimator.records import Estimate, EstimateDoubt
+from wrcd.estimator.records import EstimateDoubt
 from wrcd.estimator.trust.health import PairState
 
 DEFAULT = load_config(None)
@@ -258,22 +257,15 @@ def test_doubtful_estimate_is_degraded_with_its_cause(doubt: EstimateDoubt, caus
     assert set(OF_ESTIMATE) == set(EstimateDoubt) - {EstimateDoubt.NONE}
 
 
-@pytest.mark.parametrize("held", [False, True], ids=["at once", "held back"])
 def test_wide_interval_is_valid_and_its_level_does_not_flicker(
-    held: bool, sim: SensorSimulator, monkeypatch: pytest.MonkeyPatch
+    sim: SensorSimulator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     widths = iter([0.9, 1.1, 0.95, 1.05, 0.89, 30.0, 11.5, 10.7, 0.5])
-    estimates = sim.core.estimator.estimates
-
-    def wide(drafts: Sequence[Draft]) -> list[Estimate]:
-        return [replace(e, half_width_pp=np.full(4, next(widths, 0.5))) for e in estimates(drafts)]
-
-    monkeypatch.setattr(sim.core.estimator, "estimates", wide)
-    if held:
-        sim.core.hold()
+    estimate = sim.core.estimator.estimate
+    monkeypatch.setattr(
+        sim.core.estimator, "estimate", lambda: replace(estimate(), half_width_pp=np.full(4, next(widths, 0.5)))
+    )
     sim.run(2000)
-    if held:
-        sim.out += sim.core.release()
     said = [f["Confidence"] for f in sim.adhesion(sim.out) if f["Validity"] == "Valid"]
     assert said[:9] == [
         "Within1pp", "Within2pp", "Within2pp", "Within2pp", "Within1pp", "Wider", "Wider", "Within12pp", "Within1pp"
@@ -282,11 +274,8 @@ def test_wide_interval_is_valid_and_its_level_does_not_flicker(
 
 def test_short_window_excuses_no_other_cause(sim: SensorSimulator, monkeypatch: pytest.MonkeyPatch) -> None:
     """The recorder takes what is short for no loss: a sensor that says Degraded is one, whatever the window is."""
-    estimates = sim.core.estimator.estimates
-    short = np.full(4, int(EstimateDoubt.SHORT))
-    monkeypatch.setattr(
-        sim.core.estimator, "estimates", lambda drafts: [replace(e, doubt=short) for e in estimates(drafts)]
-    )
+    estimate, short = sim.core.estimator.estimate, np.full(4, int(EstimateDoubt.SHORT))
+    monkeypatch.setattr(sim.core.estimator, "estimate", lambda: replace(estimate(), doubt=short))
     sim.run(1500)
     assert (sim.core.reports[0].cause, sim.core.reports[0].short) == (Cause.TOO_LITTLE_DATA, True)
     sim.during(200, yaw_status=1)

@@ -23,7 +23,7 @@ DESIGN = load_design(LONE_DESIGN)
 OWN = Wheelset()
 AXLES, TICK_S, TEN_S = 4, 0.005, 2000
 NEVER = 10**9
-SATURATED = np.zeros(AXLES, dtype=bool)
+ALL, SATURATED = np.ones(AXLES, dtype=bool), np.zeros(AXLES, dtype=bool)
 
 
 @cache
@@ -49,10 +49,10 @@ def made() -> Likeness:
 def found(z: FloatArray, speed: float = 40.0, used: BoolArray | None = None) -> int:
     """The tick from which on the wheelsets are unlike; NEVER."""
     judge, x = made(), z / DESIGN.noise_rms[:, None]
-    for k in range(0, len(x), 4):
-        judge.add(x[k : k + 4], None if used is None else used[k], (speed,) * 4, SATURATED)
+    for k, row in enumerate(x):
+        judge.add(row, ALL if used is None else used[k], speed, SATURATED)
         if judge.unlike:
-            return k + 4
+            return k + 1
     return NEVER
 
 
@@ -111,26 +111,12 @@ def test_nothing_is_concluded_in_a_curve_or_with_gaps() -> None:
 
 def test_what_was_found_holds_across_a_standstill() -> None:
     judge, x = made(), played(scaled(k_w=4.0)) / DESIGN.noise_rms[:, None]
-    judge.add(x, None, (40.0,) * len(x), SATURATED)
+    for row in x:
+        judge.add(row, ALL, 40.0, SATURATED)
     assert judge.unlike
     for axle in range(AXLES):
         judge.reset(axle)
     assert judge.unlike
-
-
-@pytest.mark.parametrize("phase", range(4))
-def test_blocks_and_ticks_give_the_same(phase: int) -> None:
-    x = played(scaled(k_w=4.0)) / DESIGN.noise_rms[:, None]
-    by_block, by_tick = made(), made()
-    speeds = (40.0 + 0.001 * np.arange(len(x))).tolist()
-    by_block.add(x[:phase], None, speeds[:phase], SATURATED)
-    for k in range(phase, len(x), 4):
-        by_block.add(x[k : k + 4], None, speeds[k : k + 4], SATURATED)
-    for k, row in enumerate(x):
-        by_tick.add(row[None], np.ones(AXLES, dtype=bool), speeds[k : k + 1], SATURATED)
-    assert np.allclose(by_block.figures, by_tick.figures, rtol=1e-9)
-    assert by_block.unlike
-    assert by_tick.unlike
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,7 @@ from wrcd.errors import InputError
 from wrcd.estimator.design import COLUMNS, MODELS, Design, load_design, parse_design
 from wrcd.estimator.estimator import Estimator
 from wrcd.estimator.paper.fuzzy import Fuzzy
-from wrcd.estimator.records import one_tick
+from wrcd.estimator.records import Tick
 from wrcd.logs.rule_sentences import condition, sentence
 
 SETS = (3, 3, 8, 1)
@@ -104,7 +104,7 @@ def run(d: Design, seconds: float, speed: float = 20.0, step_at_s: float = 99.0)
     for k in range(round(seconds / d.tick_s)):
         z = rng.standard_normal((2, 2)) * 5.0 * d.noise_rms[:, None]
         ratio = np.full(2, 0.05 if k * d.tick_s < step_at_s else 0.1)
-        e.append(estimator.step(one_tick(k, z, present, ratio, speed)).innovations[0])
+        e.append(estimator.step(Tick(k, z, present, ratio, speed)).innovations)
     return estimator, np.array(e)
 
 

@@ -108,6 +108,6 @@ def test_noise_alone_leaves_the_residual_that_is_taken_off(model: int) -> None:
         z = np.zeros((2500, 2, 40))
         z[:, channel] = rms * rng.standard_normal((2500, 40))
         here = np.ones((2, 40), dtype=bool)
-        w = np.stack([lowpass.step(bank.step(row, here, speed)[1].reshape(1, 8, 40)).reshape(4, 2, 40) for row in z])
+        w = np.stack([lowpass.step(bank.step(row, here, speed)[1].reshape(8, 40)).reshape(4, 2, 40) for row in z])
         power = np.square(w[500:, model]).mean(axis=(0, 2)).sum()
         assert power == pytest.approx(design.noise_power[20, model, channel], rel=0.1)

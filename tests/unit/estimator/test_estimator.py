@@ -9,10 +9,11 @@ from tests.support.estimator_runs import EVERY, PER_S, RATIO, estimates, tick, t
 from tests.support.lone_wheelset import LONE_DESIGN
 from wrcd.estimator import answer
 from wrcd.estimator.design import MODELS, Design, FloatArray, load_design
-from wrcd.estimator.estimator import Estimator
-from wrcd.estimator.records import Estimate, EstimateDoubt
+from wrcd.estimator.estimator import Estimator, step_through
+from wrcd.estimator.records import Estimate, EstimateDoubt, Ticks
 from wrcd.estimator.signals.noise import Offset
 from wrcd.estimator.trust.health import PairState
+from wrcd.recorder.state import capture, encode
 
 
 @pytest.fixture(scope="module")
@@ -129,7 +130,7 @@ def test_gains_do_not_toggle_with_the_speeds_noise(design: Design) -> None:
     for more in (np.zeros(len(z)), noise):
         e, innovations = Estimator(design, 1), []
         for k, row in enumerate(z):
-            innovations.append(e.step(tick(k, row, speed=29.15 + more[k])).innovations[0])
+            innovations.append(e.step(tick(k, row, speed=29.15 + more[k])).innovations)
         runs.append((np.array(innovations)[PER_S:], e.estimate()))
     (constant, a), (noisy, b) = runs
     rms = np.sqrt(np.square(constant).mean(axis=0))
@@ -226,7 +227,7 @@ def test_tick_after_a_gap_stays_out_of_the_window(design: Design) -> None:
     estimator, good, z = Estimator(design, 1), [], white(62)
     z[50:52] = np.nan
     for k, row in enumerate(z):
-        good.append(bool(estimator.step(tick(k, row, 0.2)).in_window[0, 0]))
+        good.append(bool(estimator.step(tick(k, row, 0.2)).in_window[0]))
     assert good == [False] + [True] * 49 + [False] * 3 + [True] * 9
 
 
@@ -242,3 +243,19 @@ def test_a_word_of_no_adhesion_at_all_is_still_remembered(design: Design) -> Non
     e = Estimator(none, 1)
     list(estimates(e, track(3.0)))
     assert e.is_possible
+
+
+def test_step_through_stops_where_it_is_asked_to_and_resets_where_it_may(design: Design) -> None:
+    z = track(4.0).copy()
+    z[500:510, 0] += 0.4  # so many outliers that the axle needs a reset
+    ticks = Ticks(7, z, np.isfinite(z), np.linspace(0.1, 0.15, len(z))[:, None], [25.0] * len(z))
+    one, other, stops = Estimator(design, 1), Estimator(design, 1), [3, 602, 603, 700]
+    needs_reset = []
+    for k, stop in enumerate(step_through(one, ticks, stops, resets=True)):
+        assert stop == [*stops, len(z) - 1][k]
+        for at in range(len(needs_reset), stop + 1):
+            needs_reset.append(bool(other.step(ticks.tick(at)).needs_reset[0]))
+            if needs_reset[-1]:
+                other.reset(0)
+        assert encode(capture(one)) == encode(capture(other))
+    assert any(needs_reset)

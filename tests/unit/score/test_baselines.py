@@ -22,7 +22,7 @@ from tests.support.lone_wheelset import LONE_DESIGN
 from wrcd.errors import InputError
 from wrcd.estimator.design import load_design
 from wrcd.estimator.estimator import OFFSET_WINDOWS, Estimator
-from wrcd.estimator.records import one_tick
+from wrcd.estimator.records import Tick
 from wrcd.estimator.signals.noise import Offset
 from wrcd.resources import DESIGN
 
@@ -168,7 +168,7 @@ def test_another_design_runs_on_the_same_ticks_as_the_train_s() -> None:
     estimator = Estimator(design, 1)
     for k in range(len(late.number)):
         number = int(late.number[k])
-        estimator.step(one_tick(number, late.z[k], late.present[k], late.torque_ratio[k], float(late.speed_m_s[k])))
+        estimator.step(Tick(number, late.z[k], late.present[k], late.torque_ratio[k], float(late.speed_m_s[k])))
         if k == 400:
             assert mu[k, 0] == estimator.estimate().mu_available_pct[0]
     assert mu[401, 0] == mu[400, 0]  # until the next frame

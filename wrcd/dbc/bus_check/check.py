@@ -24,7 +24,7 @@ from wrcd.dbc.bus_check.signs import signs
 from wrcd.dbc.bus_check.wrong_units import wrong_units
 from wrcd.errors import InputError
 from wrcd.estimator.paper.bank import BoolArray
-from wrcd.estimator.records import Estimate, StepResult, Ticks
+from wrcd.estimator.records import Estimate, StepResult, Tick
 from wrcd.logs.bus_of import pick_bus
 from wrcd.logs.columns import Item
 from wrcd.logs.feed import outgoing_of_stretches
@@ -119,15 +119,13 @@ class Wheelsets(Observer):
         self._seconds = 0.0  # in which an axle had data
         self._saturated: BoolArray = np.zeros(axles, dtype=bool)
 
-    def stepped(self, ticks: Ticks, first: int, result: StepResult) -> None:
+    def stepped(self, tick: Tick, result: StepResult) -> None:
         """Measurements that the bank has used, far from pulses of the axle box."""
-        used = np.logical_and.reduce(result.accepted & ~result.near_pulse)
-        self._seconds += self._tick_s * len(result) * bool(used.any())
+        used = result.accepted & ~result.near_pulse
+        self._seconds += self._tick_s * bool(used.any())
         if self._likeness is not None:
-            end = first + len(result)
-            x = np.where(used, ticks.z[first:end] / self._noise_rms, 0.0)
-            mask = None if used.all() else used
-            self._likeness.add(x, mask, ticks.speeds_m_s[first:end], self._saturated)
+            x = np.where(used, tick.z / self._noise_rms, 0.0)
+            self._likeness.add(x, used, tick.speed_m_s, self._saturated)
 
     def was_reset(self, axle: int) -> None:
         """Its window does not go on."""

@@ -14,7 +14,6 @@ A wheelset with like k and M is not recognised: its torque, its conicity and its
 
 import itertools
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -104,25 +103,18 @@ class Likeness:
         k, m = divmod(int(self._evidence.argmin()), 2 * STEPS_M + 1)
         return math.exp(STEP * (k - STEPS_K)), math.exp(STEP * (m - STEPS_M)), self._margin
 
-    def add(self, x: FloatArray, used: BoolArray | None, speeds_m_s: Sequence[float], saturated: BoolArray) -> None:
-        """m ticks x (m, 2, n) in units of the design's noise; used (n,) where not all axles have data; which of them
-        are saturated (n,)."""
-        first, m = 0, len(x)
-        while first < m:
-            end = first + min(m - first, self._turn - self._hop_ticks % self._turn, self._segment - self._filled)
-            self._samples[self._filled : self._filled + end - first] = x[first:end]
-            self._speeds[1] += sum(speeds_m_s[first:end]) / self._hop
-            self._run += end - first
-            if used is not None:
-                self._run[~used] = 0.0
-                self._segments[~used] = 0
-            self._filled += end - first
-            first = end
-            turn, rest = divmod(self._hop_ticks, self._turn)
-            if self._filled == self._segment:
-                self._close(saturated)
-            elif rest == 0 and turn <= self._axles and self._segments[turn - 1] == SEGMENTS:
-                self._judge(turn - 1)
+    def add(self, x: FloatArray, used: BoolArray, speed_m_s: float, saturated: BoolArray) -> None:
+        """A tick x (2, n) in units of the design's noise; which axles have data, and are saturated (n,)."""
+        self._samples[self._filled] = x
+        self._speeds[1] += speed_m_s / self._hop
+        self._run = np.where(used, self._run + 1.0, 0.0)
+        self._segments[~used] = 0
+        self._filled += 1
+        turn, rest = divmod(self._hop_ticks, self._turn)
+        if self._filled == self._segment:
+            self._close(saturated)
+        elif rest == 0 and turn <= self._axles and self._segments[turn - 1] == SEGMENTS:
+            self._judge(turn - 1)
 
     @property
     def _hop_ticks(self) -> int:

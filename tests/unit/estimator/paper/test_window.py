@@ -60,9 +60,8 @@ class Played:
     def put(self, k: int, running: bool = True) -> None:
         """The k-th tick."""
         self.window.put(
-            self.start + k, self.w[k : k + 1, :, :, None], self.raw[k : k + 1, :, :, None], np.array([running]),
-            self.heard[k : k + 1, None], self.live[k : k + 1, None], self.calm[k : k + 1, None],
-            self.ratio[k : k + 1, None],
+            self.start + k, self.w[k, :, :, None], self.raw[k, :, :, None], np.array([running]), self.heard[k, None],
+            self.live[k, None], self.calm[k, None], self.ratio[k, None],
         )  # fmt: skip
 
     def statistics(self, blocks: int, least: float = 10.0) -> Statistics:
@@ -153,8 +152,8 @@ def test_too_little_data_is_unknown_and_no_perfect_fit() -> None:
     assert np.isnan(statistics(sums(window, np.array([BLOCKS, 0])), 16.0).power).all()
     both, one = np.array([True, True]), np.array([True, False])
     for k in range(40):
-        w = np.full((1, 4, 2, 2), float(k % 2))
-        window.put(k, w, w, both, one[None], one[None], one[None], np.array([[0.1, 0.2]]))
+        w = np.full((4, 2, 2), float(k % 2))
+        window.put(k, w, w, both, one, one, one, np.array([0.1, 0.2]))
         s = statistics(sums(window, np.full(2, BLOCKS)), 16.0)
         assert np.isnan(s.power[0]).all() == (k + 1 < 16)
         assert np.isnan(s.power[1]).all()
@@ -188,9 +187,7 @@ def test_ticks_that_never_came_leave_a_gap() -> None:
     assert p.window.filled() == [(400 - 340) // BLOCK_TICKS]
     yes = np.array([True])
     last = START + 400 + BLOCKS * BLOCK_TICKS
-    p.window.put(
-        last, p.w[:1, :, :, None], p.raw[:1, :, :, None], yes, yes[None], yes[None], yes[None], np.array([[0.5]])
-    )
+    p.window.put(last, p.w[0, :, :, None], p.raw[0, :, :, None], yes, yes, yes, yes, np.array([0.5]))
     assert p.statistics(BLOCKS).ticks[0] == 1
     assert p.statistics(BLOCKS).ratio[0] == 0.5
 
@@ -219,9 +216,9 @@ def test_dropping_and_emptying_one_axle_leaves_the_other() -> None:
     window, alone = Window(BLOCKS, 2), Window(BLOCKS, 1)
     yes = np.ones(2, dtype=bool)
     for k in range(300):
-        w, raw = rng.standard_normal((2, 1, 4, 2, 2))
-        window.put(k, w, raw, yes, yes[None], yes[None], yes[None], np.array([[0.1, 0.2]]))
-        alone.put(k, w[..., 1:], raw[..., 1:], yes[1:], yes[None, 1:], yes[None, 1:], yes[None, 1:], np.array([[0.2]]))
+        w, raw = rng.standard_normal((2, 4, 2, 2))
+        window.put(k, w, raw, yes, yes, yes, yes, np.array([0.1, 0.2]))
+        alone.put(k, w[..., 1:], raw[..., 1:], yes[1:], yes[1:], yes[1:], yes[1:], np.array([0.2]))
         if k == 200:
             window.truncate(5, np.array([True, False]))
         if k == 280:
@@ -241,6 +238,17 @@ def test_an_axle_that_does_not_run_has_no_ticks() -> None:
     assert p.window.filled() == [10]
     assert p.statistics(10).ticks[0] == 40
     assert p.statistics(25).ratio[0] == pytest.approx(p.ratio[60:].mean())
+
+
+@pytest.mark.parametrize("ticks", range(1, 10))
+def test_window_of_an_axle_that_begins_within_a_block_holds_that_block(ticks: int) -> None:
+    """Beside another axle, as after a reset within the block."""
+    window, w = Window(20, 2), np.ones((4, 2, 2))
+    for k in range(24):
+        running = np.array([True, k >= 24 - ticks])
+        window.put(k, w, w, running, running, running, running, np.full(2, 0.1))
+    assert window.filled().tolist() == [6, -(-ticks // BLOCK_TICKS)]
+    assert window.sums(window.filled()[None])[0].tolist() == [[24.0, ticks]]
 
 
 def test_the_torques_range_outlives_what_is_dropped() -> None:

@@ -33,9 +33,9 @@ class Train:
             one = self.all_louder * self.rng.normal(size=(BLOCK_TICKS, 1, SENSORS, AXLES))
             w = np.repeat(one, MODELS, axis=1)  # one track drives all models
             w[:, LINEAR] *= self.louder
-            ratio = np.tile(self.torque, (BLOCK_TICKS, 1))
-            usable = np.ones((BLOCK_TICKS, AXLES), dtype=bool)
-            self.watch.add(self.block * BLOCK_TICKS, w, usable, ratio, self.block * BLOCK_M, BLOCK_M, BEHIND)
+            for number, row in enumerate(w, self.block * BLOCK_TICKS):
+                usable = np.ones(AXLES, dtype=bool)
+                self.watch.add(number, row, usable, self.torque, self.block * BLOCK_M, BLOCK_M, BEHIND)
             self.block += 1
         met_m = self.watch.met_m.copy()
         self.watch.met_m[:] = np.nan

@@ -8,7 +8,7 @@ from tests.support.signals import HUNTS_FROM_S, hunting, measured
 from wrcd.estimator.design import Design, FloatArray, load_design
 from wrcd.estimator.estimator import Estimator, step_through
 from wrcd.estimator.paper.bank import BoolArray
-from wrcd.estimator.records import EstimateDoubt, one_tick
+from wrcd.estimator.records import EstimateDoubt, Tick
 from wrcd.estimator.signals.joints import HOLD_TICKS, MAX_PULSE, MAX_TICKS, RECOVERY_TICKS, Joints
 
 AT = 1500  # a pulse's first tick
@@ -123,10 +123,10 @@ class Seen:
         z[AT : AT + len(more), channel] += more
         estimator, live, calm, outliers, e = Estimator(design, 1), [], [], [], []
         for k, row in enumerate(z):
-            found = estimator.step(one_tick(k, row[:, None], np.ones((2, 1), dtype=bool), np.full(1, 0.13), 25.0))
-            live.append(bool(found.live[0, 0]))
-            calm.append(bool(found.calm[0, 0]))
-            outliers.append(bool(found.outliers[0, 0]))
+            found = estimator.step(Tick(k, row[:, None], np.ones((2, 1), dtype=bool), np.full(1, 0.13), 25.0))
+            live.append(bool(found.live[0]))
+            calm.append(bool(found.calm[0]))
+            outliers.append(bool(found.outliers[0]))
             e.append(found.innovations)
         assert np.isfinite(e).all()
         # innovations enter the window HOLD_TICKS late
