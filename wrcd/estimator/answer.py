@@ -124,7 +124,7 @@ class Answers:
         d, n = self._d, len(draft.now)
         now = draft.now
         used = 100.0 * now
-        answers, inference, chosen = self._answers(draft)
+        answers, inference, chosen = self.answers(draft)
         best = answers[0]
         if not self._wrcd:
             from_rules, spread = best.mu_from_rules_pct, best.spread
@@ -203,12 +203,9 @@ class Answers:
         columns = self._rule_inputs.columns(s, ratio, past, draft.noise_factor, draft.floor, draft.grid_speed_m_s)
         return columns, s
 
-    def answers(self, draft: Draft) -> list[Answer]:
-        """What the rules say of each of the windows. Within quiet()."""
-        return self._answers(draft)[0]
-
-    def _answers(self, draft: Draft) -> tuple[list[Answer], Inference, Statistics]:
-        """One for each of the windows' lengths; inference and statistics of all, one after another."""
+    def answers(self, draft: Draft) -> tuple[list[Answer], Inference, Statistics]:
+        """What the rules say of each of the windows' lengths; inference and statistics of all, one after another.
+        Within quiet()."""
         n = len(draft.now)
         inputs, s = self._inputs(draft)
         inference = self._fuzzy.infer(inputs)

@@ -109,12 +109,12 @@ class Estimator:
         small = np.abs(self._offset.deviation(z)) <= MAX_PULSE[:, None]
         # the acceleration alone: held while a wheelset hunts, it would have steps, and those are pulses
         pulse, near = self._joints.step(z[1], whole & small[1])
-        e, w = self._filter(z, whole, near, speed)
+        innovations, w = self._filter(z, whole, near, speed)
         swings = self._joints.recovering & np.logical_and.reduce(small)
-        outliers = self._gate.outliers(e, yaw_rate, whole & ~swings)
+        outliers = self._gate.outliers(innovations, yaw_rate, whole & ~swings)
         left_out = np.logical_or.reduce(outliers)
         accepted = whole & ~left_out
-        seen = e
+        e = innovations
         if left_out.any():
             self.outliers += int(outliers.sum())
             self._bank, self._offset = before
@@ -131,8 +131,7 @@ class Estimator:
         self._complete = accepted.copy()  # reset() changes it, and not the record
         live, calm = self._put(tick, w, in_window, pulse, near)
         self._look_back(tick.number + 1)
-        seen = np.where(left_out, seen, e)
-        return StepResult(seen, w, accepted, left_out, near, in_window, live, calm, needs_reset)
+        return StepResult(innovations, w, accepted, left_out, near, in_window, live, calm, needs_reset)
 
     def run(self, ticks: Ticks, first: int, end: int, resets: bool) -> None:
         """Step ticks first … end - 1 of them; resets: whether axles are reset that need it."""
@@ -157,7 +156,7 @@ class Estimator:
         """The rules' word of this moment is fused with those before; and sometimes the sensors are looked at."""
         with quiet():
             draft = self._draft()
-            usual, recent = self._answers.answers(draft)
+            (usual, recent), _, _ = self._answers.answers(draft)
             step_s = STEP_TICKS * self.design.tick_s
             ticks = draft.blocks[0] * BLOCK_TICKS
             whole, window_s = ticks >= self.design.window_ticks, ticks * self.design.tick_s

@@ -42,5 +42,6 @@ class Sections:
         """Filter one tick: u (channels, n). Returns the same shape."""
         x = np.concatenate((self._x, u[None]))
         out = (self._M @ x.reshape(len(x), -1)).reshape(x.shape)
-        self._x, y = out[:-1], out[-1]
+        self._x = out[:-1]
+        y: FloatArray = out[-1]
         return y
