@@ -250,7 +250,7 @@ def test_step_through_stops_where_it_is_asked_to_and_resets_where_it_may(design:
     z[500:510, 0] += 0.4  # so many outliers that the axle needs a reset
     ticks = Ticks(7, z, np.isfinite(z), np.linspace(0.1, 0.15, len(z))[:, None], [25.0] * len(z))
     one, other, stops = Estimator(design, 1), Estimator(design, 1), [3, 602, 603, 700]
-    needs_reset = []
+    needs_reset: list[bool] = []
     for k, stop in enumerate(step_through(one, ticks, stops, resets=True)):
         assert stop == [*stops, len(z) - 1][k]
         for at in range(len(needs_reset), stop + 1):
