@@ -34,7 +34,7 @@ from wrcd.core.messages import NAMES, Outbox, Outgoing, Report
 from wrcd.core.slot import Slot, SlotReports, frames, reports
 from wrcd.core.validity import Backoff, ValidityMonitor, tick_causes
 from wrcd.estimator.design import CHANNELS
-from wrcd.estimator.estimator import Estimator
+from wrcd.estimator.engine import Engine, make_estimator
 from wrcd.estimator.records import Estimate, StepResult, Tick
 
 FORWARD_STEP_US = 1_000_000  # a stamp, or the clock, further ahead of the open tick than this is a step of time
@@ -76,7 +76,7 @@ class Core:
 
     counts: Counts
     health: Health
-    estimator: Estimator
+    estimator: Engine
     receiver: Receiver
     _open: int | None  # number of the tick that gathers frames
     _inputs: Inputs
@@ -91,11 +91,11 @@ class Core:
     _adviser: Adviser | None
     _stamp_us: int = NEVER  # newest stamp taken
 
-    def __init__(self, config: Config, estimator: Estimator | None = None, observer: Observer | None = None) -> None:
+    def __init__(self, config: Config, estimator: Engine | None = None, observer: Observer | None = None) -> None:
         self.config = config
         self.counts = Counts()
         self.health = Health()
-        self.estimator = estimator or Estimator(config.design, len(config.axles))
+        self.estimator = estimator or make_estimator(config.design, len(config.axles))
         self.receiver = Receiver(config.database, [i.source for i in config.inputs], config.data_ids)
         n = len(config.axles)
         self._n = n
@@ -313,7 +313,8 @@ class Core:
             self._front.step(tick, result)
         if self._observer is not None:
             self._observer.stepped(tick, result)
-        self._note_outliers(tick, result)
+        if result.notable:
+            self._note_outliers(tick, result)
 
     def _begin_tick(self, axle: int, number: int, inputs: TickInputs, cause: Cause, runs: bool) -> None:
         """Tell an axle's Validity of a tick and what speaks against it; reset the axle if it does not run in it."""

@@ -58,6 +58,11 @@ class StepResult:
     calm: BoolArray  # and that one is far from any pulse
     needs_reset: BoolArray  # outliers go on, or a filter is not finite
 
+    @property
+    def notable(self) -> bool:
+        """Whether anything was left out, or needs a reset."""
+        return bool(self.outliers.any() or self.needs_reset.any())
+
 
 class EstimateDoubt(IntEnum):
     """What of the estimate itself keeps it from being believed."""

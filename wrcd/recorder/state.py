@@ -2,7 +2,7 @@
 
 An object's state is the fields of its dataclass, but for those that take no part in a comparison. What else it changes
 on the way (caches, results made anew) is no field: tests/unit/recorder/test_state.py names these, and finds what is
-forgotten. A class whose arrays may hold only some values says in is_possible whether they do.
+forgotten. The compiled estimator's state is kept as the reference's. A class whose arrays may hold only some values says in is_possible whether they do.
 """
 
 import base64
@@ -14,6 +14,8 @@ from enum import Enum
 from typing import Any
 
 import numpy as np
+
+from wrcd.estimator.compiled import CompiledEstimator
 
 MAX_ITEMS = 10_000  # of a list whose length the configuration does not settle
 MAX_WORD = 200  # characters or bytes
@@ -33,6 +35,8 @@ def state_of(kind: type) -> dict[str, str]:
 
 def capture(thing: Any) -> dict[str, Any]:
     """A copy of the state of an object and of all that it is made of. Raises TypeError for what cannot be copied."""
+    if isinstance(thing, CompiledEstimator):
+        return capture(thing.reference())
     return {key: _copy(getattr(thing, name)) for key, name in state_of(type(thing)).items()}
 
 
@@ -41,7 +45,7 @@ def _copy(value: Any) -> Any:
         return value
     if isinstance(value, np.ndarray):
         return value.copy()
-    if state_of(type(value)):
+    if state_of(type(value)) or isinstance(value, CompiledEstimator):
         return capture(value)
     if isinstance(value, dict):
         return {str(key): _copy(v) for key, v in value.items()}
@@ -75,6 +79,11 @@ class StateMismatch(Exception):
 def restore(thing: Any, node: Any, where: str = "core") -> None:
     """Put an encoded state into an object made with the same configuration. Types, shapes and lengths are those that
     it has: nothing in the file can ask for more. Raises StateMismatch; the object is then not to be used."""
+    if isinstance(thing, CompiledEstimator):
+        reference = thing.reference()
+        restore(reference, node, where)
+        thing.take(reference)
+        return
     if not isinstance(node, dict) or set(node) != set(state_of(type(thing))):
         raise StateMismatch(f"{where} is not what this version keeps of it")
     for key, name in state_of(type(thing)).items():
@@ -84,7 +93,7 @@ def restore(thing: Any, node: Any, where: str = "core") -> None:
 
 
 def _restored(now: Any, node: Any, where: str) -> Any:
-    if state_of(type(now)):
+    if state_of(type(now)) or isinstance(now, CompiledEstimator):
         restore(now, node, where)
         return now
     if isinstance(now, np.ndarray):

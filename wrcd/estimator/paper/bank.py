@@ -118,7 +118,7 @@ class Bank:
         self.x = out[:, :states]
         e, w = out[:, states : states + CHANNELS], out[:, states + CHANNELS :]
         if not present.all():
-            e = np.where(present, e, 0.0)
+            e, w = np.where(present, e, 0.0), np.where(present, w, 0.0)
         return e, w
 
     def _matrices(self, speed: float) -> FloatArray:

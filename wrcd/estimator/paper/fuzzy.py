@@ -69,7 +69,7 @@ class Fuzzy:
         offset = design.bases - np.sum(design.slopes * middle, axis=1)
         spread_offset = logs - np.sum(design.spread_slopes * middle, axis=1)
         self._columns = len(design.middle)
-        self._consequents = np.column_stack((design.slopes, offset, design.spread_slopes, spread_offset))
+        self.consequents = np.column_stack((design.slopes, offset, design.spread_slopes, spread_offset))
 
     def infer(self, inputs: FloatArray) -> Inference:
         """inputs (n, COLUMNS): see `rule_inputs`. NaN in gives NaN out."""
@@ -83,7 +83,7 @@ class Fuzzy:
         known = firing >= MIN_FIRING
         share = weights / np.where(known, firing, 1.0)[:, None]
         held = np.minimum(np.maximum(inputs, self._low), self._high)
-        both = (share @ self._consequents).reshape(n, 2, self._columns + 1)
+        both = (share @ self.consequents).reshape(n, 2, self._columns + 1)
         output, log_spread = (both[:, :, -1] + np.add.reduce(both[:, :, :-1] * held[:, None], axis=2)).T
         output = np.minimum(np.maximum(output, 0.0), 100.0)
         spread = 10.0 ** np.minimum(np.maximum(log_spread, LOG_SPREADS[0]), LOG_SPREADS[1])

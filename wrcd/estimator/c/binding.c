@@ -1,0 +1,63 @@
+/* What only wrcd's Python asks of the estimator: many ticks at once, the rules' inputs, and where what lies in a state. */
+#include "parts.h"
+
+
+typedef struct { const char *name; size_t offset, bytes; } field;
+
+#define IN(type, name) {#name, offsetof(type, name), sizeof ((const type *)0)->name},
+#define IN_AXLE(name, dimensions) IN(wrcd_axle, name)
+#define IN_TRAIN(name, dimensions) IN(wrcd_estimator, name)
+#define IN_ADHESION(name, dimensions) IN(wrcd_adhesion, name)
+#define IN_RESULT(name) IN(wrcd_result, name)
+static const field AXLE[] = {WRCD_AXLE_STATE(IN_AXLE){"", sizeof(wrcd_axle), 0}};
+static const field TRAIN[] = {WRCD_TRAIN_STATE(IN_TRAIN) IN(wrcd_estimator, axle){"", sizeof(wrcd_estimator), 0}};
+static const field ADHESION[] = {WRCD_ESTIMATE(IN_ADHESION){"", sizeof(wrcd_adhesion), 0}};
+static const field RESULT[] = {
+    IN_RESULT(innovations) IN_RESULT(whitened) IN_RESULT(accepted) IN_RESULT(outliers) IN_RESULT(near_pulse)
+    IN_RESULT(in_window) IN_RESULT(live) IN_RESULT(calm) IN_RESULT(needs_reset){"", sizeof(wrcd_result), 0}};
+
+int wrcd_abi(void) { return WRCD_ABI; }
+
+/* The fields of an axle's state, a train's, an estimate, a result, by `of`; behind the last one, without a name, its size. */
+const field *wrcd_fields(int of)
+{
+    const field *const all[] = {AXLE, TRAIN, ADHESION, RESULT};
+
+    return all[of];
+}
+
+/* Ticks on end: z and present [ticks][channel][axle], torque ratio [ticks][axle], speeds [ticks]. */
+void wrcd_run(wrcd_estimator *e, const wrcd_design *d, int64_t number, int64_t ticks, const double *z,
+                     const uint8_t *present, const double *torque_ratio, const double *speed_m_s, int resets)
+{
+    const int axles = (int)e->axles;
+    wrcd_result result;
+
+    for (int64_t k = 0; k < ticks; k++) {
+        const ptrdiff_t two = (ptrdiff_t)k * CHANNELS * axles;
+        const wrcd_tick tick = {number + k, speed_m_s[k], z + two, present + two, torque_ratio + (ptrdiff_t)k * axles};
+        const int says = wrcd_step(e, d, &tick, &result);
+        for (int axle = 0; resets && (says & WRCD_NEEDS_RESET) && axle < axles; axle++)
+            if (result.needs_reset[axle])
+                wrcd_reset(e, d, axle);
+    }
+}
+
+/* What the rules are given of a window of so many blocks, with this torque of the moment. */
+void wrcd_inputs_of(const wrcd_estimator *e, const wrcd_design *d, int axle, int blocks, double now, double *inputs)
+{
+    wrcd_answer_inputs_of(e, d, axle, blocks, now, inputs);
+}
+
+/* Torque ratio of the moment of an axle. */
+double wrcd_torque_now(const wrcd_estimator *e, const wrcd_design *d, int axle) { return wrcd_answer_torque_now(e, d, axle); }
+
+/* Decades by which the newest part's residuals lie above those of the rest of the usual window. */
+void wrcd_steps(const wrcd_estimator *e, const wrcd_design *d, int axle, double decades[MODELS])
+{
+    double newer[SUMS], rest[SUMS];
+
+    wrcd_window_sums(e, d, axle, 0, d->recent, false, newer);
+    wrcd_window_sums(e, d, axle, d->recent, d->usual, false, rest);
+    wrcd_window_decades(newer, rest, d->min_ticks, decades);
+}
