@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wrcd.bus.batch import Records, frame_of
 from wrcd.bus.codec import MessageReader, Receiver, Sample, Value
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
@@ -29,11 +30,12 @@ from wrcd.core.details import Details
 from wrcd.core.events import Events
 from wrcd.core.front import Front
 from wrcd.core.input_buffers import NEVER
+from wrcd.core.lane import NOTE, SLOT, Lane, fits
 from wrcd.core.inputs import YAW, Inputs, TickInputs
 from wrcd.core.messages import NAMES, Outbox, Outgoing, Report
 from wrcd.core.slot import Slot, SlotReports, frames, reports
 from wrcd.core.validity import Backoff, ValidityMonitor, tick_causes
-from wrcd.estimator.design import CHANNELS
+from wrcd.estimator.design import CHANNELS, FloatArray
 from wrcd.estimator.engine import Engine, make_estimator
 from wrcd.estimator.records import Estimate, StepResult, Tick
 
@@ -120,6 +122,7 @@ class Core:
         self._ahead = None if positions_m is None else Ahead([a.number for a in config.axles])
         self._adviser = None if config.advice is None else Adviser(n, config.advice)
         self.muted = False  # make no frames: nobody would send them
+        self._lane = Lane(self, (SILENCE_US, FORWARD_STEP_US, BACKWARD_STEP_US)) if fits(self) else None
 
     @property
     def speed_m_s(self) -> float:
@@ -148,15 +151,52 @@ class Core:
 
     def reconfigure(self, config: Config) -> None:
         """Go on with other limits from the next tick on; everything else in config must be as it was."""
+        self.settle()
         self.config = config
         self._inputs.apply_limits(config)
         self.events.describe = Details(config)
+        if self._lane is not None:
+            self._lane.apply_limits()
+
+    def settle(self) -> None:
+        """Take back what the fast lane has borrowed: before anything else reads or changes the core's state."""
+        if self._lane is not None:
+            self._lane.give_back()
+
+    def feed_batch(self, records: Records) -> list[Outgoing]:
+        """Take classical frames, as feed() does each: in C while nothing happens."""
+        out: list[Outgoing] = []
+        at, lane = 0, self._lane
+        while at < len(records):
+            if lane is None or not lane.is_open():
+                out += self.feed(frame_of(records[at]))
+                at += 1
+                continue
+            stop, at = lane.take(records, at)
+            if stop in (SLOT, NOTE):
+                out += self._after_tick_of(lane, stop)
+        if lane is not None and lane.is_lent:
+            lane.report()
+        return out
+
+    def _after_tick_of(self, lane: Lane, stop: int) -> list[Outgoing]:
+        """What a tick that the lane has closed leaves to do: to note outliers and resets, and the frames that are due."""
+        due, number = lane.due, lane.newest
+        if stop == NOTE:
+            lane.give_back()
+            self._note_outliers(number, lane.yaw_rate, self.estimator.newest)
+        else:
+            lane.report()
+        if not due or self.muted:
+            return []
+        return self._due((number + 1) * self._period_us, due)
 
     def feed(self, received: Frame | Decoded) -> list[Outgoing]:
         """Take a frame, or its samples; return what was due before its stamp. What is not mapped changes nothing.
 
         It is accepted or rejected here, whole, for what its reader or the plausibility checks find.
         """
+        self.settle()
         stamp_us = received.stamp_us
         if isinstance(received, Decoded):
             reader, out = received.reader, self._move_to(stamp_us)
@@ -209,6 +249,7 @@ class Core:
 
         A time before the open tick, or more than a second after its begin, means that the clock has stepped.
         """
+        self.settle()
         target = now_us // self._period_us
         if self._open is None:
             self._open = target
@@ -314,7 +355,7 @@ class Core:
         if self._observer is not None:
             self._observer.stepped(tick, result)
         if result.notable:
-            self._note_outliers(tick, result)
+            self._note_outliers(number, z[YAW], result)
 
     def _begin_tick(self, axle: int, number: int, inputs: TickInputs, cause: Cause, runs: bool) -> None:
         """Tell an axle's Validity of a tick and what speaks against it; reset the axle if it does not run in it."""
@@ -334,14 +375,14 @@ class Core:
             again = jumped or self._backoff.waiting(axle, number)
             self._reset_axle(axle, Cause.RESTARTED if again else Cause.STANDSTILL)
 
-    def _note_outliers(self, tick: Tick, result: StepResult) -> None:
+    def _note_outliers(self, number: int, yaw_rate: FloatArray, result: StepResult) -> None:
         """Remember whose measurements were left out in a tick, and reset the axles that need it."""
         for axle in np.flatnonzero(result.outliers).tolist():
-            self._outlier_us[axle] = (tick.number + 1) * self._period_us
+            self._outlier_us[axle] = (number + 1) * self._period_us
         for axle in np.flatnonzero(result.needs_reset).tolist():
-            self._count_reset(axle, tick.number)
-            why = self.estimator.why_reset(result, tick.z[YAW], axle)
-            wait_s = self._backoff.wait_s(axle, tick.number)
+            self._count_reset(axle, number)
+            why = self.estimator.why_reset(result, yaw_rate, axle)
+            wait_s = self._backoff.wait_s(axle, number)
             self.events.restarted(axle, self.events.describe.outliers(axle, why, wait_s))
             self._reset_axle(axle, Cause.RESTARTED)
 

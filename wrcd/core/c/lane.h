@@ -1,0 +1,71 @@
+/* From frames to ticks while nothing happens: good frames of plain messages, ticks that nothing speaks against.
+ *
+ * What anything speaks against is left to Python, whole and untouched: a frame before it has changed anything, a tick before
+ * it is closed. wrcd/core/lane.py lends the state to this and takes it back.
+ */
+#ifndef WRCD_LANE_H
+#define WRCD_LANE_H
+
+#include "wrcd_estimator.h"
+#include "wrcd_frame.h"
+
+enum {
+    WRCD_QUANTITIES = 8, /* yaw rate, lateral acceleration, torque, speed, brake torque, load, direction, radius */
+    WRCD_MAX_CYCLES = 8,
+    WRCD_MIN_RUN = 4 /* equal values of a sensor that must move: from here on Python judges */
+};
+
+/* A mapped message. */
+typedef struct {
+    uint32_t word;
+    int32_t length, is_big_endian, is_plain, is_protected, is_suspicious;
+    int32_t first_signal, signals, first_ok, oks; /* of the status bits, each sound combination */
+    uint64_t status_bits;
+    int64_t last_us, frames;   /* of the chain of counters; frames: since the lane began */
+    int32_t last, crc_start;   /* last: -1 takes any */
+    uint8_t payload[8];
+} wrcd_lane_message;
+
+enum { WRCD_UNCHECKED, WRCD_STUCK_CHECKED, WRCD_JUMP_CHECKED };
+
+/* A mapped signal, and what was seen of it. */
+typedef struct {
+    uint64_t mask, sign;
+    double scale, offset, factor, low, high, first_end, last_end;
+    int32_t shift, quantity, first_place, places;
+    int32_t check, run;
+    double value, share, frames, max_step;
+    int64_t changed_us, timeout_us;
+} wrcd_lane_signal;
+
+/* A place: a quantity of an axle. */
+typedef struct {
+    int64_t timeout_us, stamp_us, used_us, reach_until_us, traction_us;
+    double value, waiting[2];
+    int64_t waiting_us[2];
+    int32_t is_mapped, waits, surplus_ticks, reach;
+} wrcd_lane_place;
+
+typedef struct {
+    int64_t period_us, open, begin_us, end_us, stamp_us; /* of the open tick; stamp: the newest taken */
+    int64_t silence_us, forward_step_us, backward_step_us;
+    int64_t cycle_us[WRCD_MAX_CYCLES];
+    double min_speed_m_s, speed_low_m_s, speed_high_m_s, load_N, radius_m, dead_Nm, against_Nm, shares[4];
+    int64_t traction_held_us, accepted, ticks;
+    double torque_ratio[WRCD_MAX_AXLES], z[WRCD_CHANNELS * WRCD_MAX_AXLES]; /* of the newest tick */
+    int32_t axles, messages, cycles, patience, is_reverse, speed_tells_direction;
+    int32_t torque_sign_counts, torque_is_total, ratio_known, shares_known, due, reserved;
+} wrcd_lane;
+
+/* Why it stopped. FRAME: Python is to take the frame; TICK: to close the open tick; SLOT: something is due at the end of the
+ * tick that was just closed, by `due`, a bit for each cycle; NOTE: the estimator left a sample out, or an axle needs a reset
+ * (then `due` holds as well). */
+enum wrcd_lane_stop { WRCD_ALL_TAKEN, WRCD_FRAME, WRCD_TICK, WRCD_SLOT, WRCD_NOTE };
+
+/* Take frames until something happens; `taken` of them were. */
+int wrcd_lane_run(wrcd_lane *lane, wrcd_lane_message *message, wrcd_lane_signal *signal, wrcd_lane_place *place,
+                  const int32_t *places, const uint64_t *oks, const uint8_t *crc_table, wrcd_estimator *e,
+                  const wrcd_design *design, wrcd_result *result, const wrcd_frame *frame, int64_t frames,
+                  int64_t *taken);
+
+#endif
