@@ -112,7 +112,7 @@ class Core:
         self._outbox = Outbox(config)
         self._outlier_us = [NEVER] * n
         self._backoff = Backoff(n, config.design.tick_s)
-        self.reports: list[Report] = []  # of the newest slot
+        self._reports: list[Report] = []  # of the newest slot
         self._slot_reports: list[SlotReports] | None = (
             None  # slot by slot, since it was taken last; None: nobody takes it
         )
@@ -121,6 +121,7 @@ class Core:
         self._front = None if positions_m is None else Front(positions_m, config.design.tick_s)
         self._ahead = None if positions_m is None else Ahead([a.number for a in config.axles])
         self._adviser = None if config.advice is None else Adviser(n, config.advice)
+        self.explains = False  # what feed_batch() makes comes with its estimate, as what feed() makes does
         self.muted = False  # make no frames: nobody would send them
         self._lane = Lane(self, (SILENCE_US, FORWARD_STEP_US, BACKWARD_STEP_US)) if fits(self) else None
 
@@ -139,8 +140,22 @@ class Core:
         """Begin of the open tick: every tick before it is closed. None before the first frame."""
         return None if self._open is None else self._open * self._period_us
 
+    @property
+    def reports(self) -> list[Report]:
+        """Of every axle at the newest slot."""
+        self._take_told()
+        return self._reports
+
+    def _take_told(self) -> None:
+        """Take what slots have told in the lane."""
+        if self._lane is not None and (told := self._lane.reports()):
+            self._reports = list(told[-1].reports)
+            if self._slot_reports is not None:
+                self._slot_reports += told
+
     def take_reports(self) -> list[SlotReports]:
         """The reports of each slot since the last call; from the first call on they are kept."""
+        self._take_told()
         reports, self._slot_reports = self._slot_reports or [], []
         return reports
 
@@ -173,6 +188,7 @@ class Core:
                 at += 1
                 continue
             stop, at = lane.take(records, at)
+            out += lane.made()
             if stop in (SLOT, NOTE):
                 out += self._after_tick_of(lane, stop)
         if lane is not None and lane.is_lent:
@@ -181,15 +197,17 @@ class Core:
 
     def _after_tick_of(self, lane: Lane, stop: int) -> list[Outgoing]:
         """What a tick that the lane has closed leaves to do: to note outliers and resets, and the frames that are due."""
+        self._take_told()
         due, number = lane.due, lane.newest
         if stop == NOTE:
             lane.give_back()
             self._note_outliers(number, lane.yaw_rate, self.estimator.newest)
         else:
             lane.report()
-        if not due or self.muted:
-            return []
-        return self._due((number + 1) * self._period_us, due)
+        out = [] if not due or self.muted else self._due((number + 1) * self._period_us, due)
+        if lane.is_lent:
+            lane.was_told()
+        return out
 
     def feed(self, received: Frame | Decoded) -> list[Outgoing]:
         """Take a frame, or its samples; return what was due before its stamp. What is not mapped changes nothing.
@@ -397,18 +415,18 @@ class Core:
         if estimate is not None and self._observer is not None:
             self._observer.estimated(end_us // self._period_us - 1, estimate)
         if slot.adhesion or slot.detail or slot.advice or slot.view is not None:
-            self.reports = reports(slot, self.events.confidences)
+            self._reports = reports(slot, self.events.confidences)
             if self._slot_reports is not None:
-                self._slot_reports.append(SlotReports(self.reports, slot.adhesion, slot.below_min_speed))
-            self.events.slot(end_us, self.reports, slot.details, estimate)
+                self._slot_reports.append(SlotReports(self._reports, slot.adhesion, slot.below_min_speed))
+            self.events.slot(end_us, self._reports, slot.details, estimate)
         rail_ahead = None
         if self._ahead is not None and slot.view is not None:
-            rail_ahead = self._ahead.update(end_us, slot.view, self.reports, estimate)
+            rail_ahead = self._ahead.update(end_us, slot.view, self._reports, estimate)
         advice = None
         if self._adviser is not None and slot.advice:
             speed_m_s, below = slot.speed_m_s, slot.below_min_speed
-            advice = self._adviser.update(end_us, speed_m_s, below, self.reports, estimate, rail_ahead)
-        return frames(slot, self.reports, self._outbox, rail_ahead, advice)
+            advice = self._adviser.update(end_us, speed_m_s, below, self._reports, estimate, rail_ahead)
+        return frames(slot, self._reports, self._outbox, rail_ahead, advice)
 
     def _slot(self, end_us: int, due: Dues) -> Slot:
         """Take down what the frames of a slot are made from."""

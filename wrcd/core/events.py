@@ -94,6 +94,14 @@ class Events:
         self.total = 0  # changes so far
         self._kept: deque[Change] = deque(maxlen=MAX_KEPT)
 
+    @property
+    def is_quiet(self) -> bool:
+        """Whether every axle was Valid at the newest slot, and nothing spoke against it."""
+        return (
+            all(v is Validity.VALID for v in self.validities) and not any(self._causes)
+            and all(standing == (True, Cause.NONE) for standing in self._standing)
+        )  # fmt: skip
+
     def since(self, total: int) -> list[Change]:
         """The changes after the first so many, as far as they are kept."""
         new = min(self.total - total, len(self._kept))

@@ -10,14 +10,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wrcd.bus.batch import RECORD, Records
-from wrcd.bus.e2e import CRC_TABLE
+from wrcd.bus.batch import EXTENDED, RECORD, Records, frame_of
+from wrcd.bus.e2e import CRC_TABLE, Checker
 from wrcd.bus.readers import MessageReader
-from wrcd.core.causes import Cause
+from wrcd.bus.writers import SignalWriter
+from wrcd.core.causes import Cause, Validity
 from wrcd.core.input_buffers import NEVER
 from wrcd.core.inputs import LAT, QUANTITIES, TORQUE, TRACTION_HELD_US, TickInputs
+from wrcd.core.messages import ROOM, Outbox, Outgoing, Report
 from wrcd.core.plausibility import MIN_RUN, JumpCheck, StuckCheck
+from wrcd.core.slot import SlotReports
 from wrcd.core.validity import LOAD_SHARES, RADIUS_SHARES
+from wrcd.core.vocabulary import CONFIDENCES, MESSAGES, SURFACES, words_of
 from wrcd.estimator.compiled import CompiledEstimator
 from wrcd.estimator.design import FloatArray
 
@@ -30,6 +34,10 @@ LONG = 64  # ticks in the lane that make the next wait the first again
 _UNCHECKED, _STUCK, _JUMP = range(3)
 _MAX_CYCLES, _MAX_AXLES = 8, 8
 _I4, _I8, _F8 = np.int32, np.int64, np.float64
+
+_TOLD = [name for message in ("adhesion", "detail", "inputs") for name in MESSAGES[message]]  # enum wrcd_told
+_REPORTED, _MAX_WORDS = len(MESSAGES["adhesion"]), 16
+_MAX_SLOTS = 64  # that are made without coming back
 
 # As the records of lane.h.
 _MESSAGE = np.dtype(
@@ -49,14 +57,30 @@ _PLACE = np.dtype(
      ("waiting", _F8, 2), ("waiting_us", _I8, 2), *((n, _I4) for n in ("is_mapped", "waits", "surplus_ticks", "reach"))],
     align=True,
 )  # fmt: skip
+_SENT = np.dtype(
+    [("start", np.uint64), ("cycle_us", _I8), ("word", np.uint32), *((n, _I4) for n in (
+        "axle", "length", "is_big_endian", "is_protected", "crc_start", "first_field", "fields"
+    ))], align=True,
+)  # fmt: skip
+_FIELD = np.dtype(
+    [("mask", np.uint64), ("word_bits", np.uint64, _MAX_WORDS),
+     *((n, _F8) for n in ("factor", "low", "high", "scale", "offset")),
+     *((n, _I8) for n in ("lowest", "highest", "not_available")),
+     *((n, _I4) for n in ("told", "shift", "is_word", "rounds", "is_rounded_down"))], align=True,
+)  # fmt: skip
+_SLOT = np.dtype([("end_us", _I8), ("told", _F8, (_MAX_AXLES, _REPORTED))], align=True)
 _LANE = np.dtype(
     [*((n, _I8) for n in ("period_us", "open", "begin_us", "end_us", "stamp_us", "silence_us", "forward_us", "backward_us")),
      ("cycle_us", _I8, _MAX_CYCLES),
      *((n, _F8) for n in ("min_speed_m_s", "speed_low", "speed_high", "load_N", "radius_m", "dead_Nm", "against_Nm")),
      ("shares", _F8, 4), ("traction_held_us", _I8), ("accepted", _I8), ("ticks", _I8), ("torque_ratio", _F8, _MAX_AXLES),
-     ("z", _F8, 2 * _MAX_AXLES),
-     *((n, _I4) for n in ("axles", "messages", "cycles", "patience", "is_reverse", "speed_tells_direction",
-       "torque_sign_counts", "torque_is_total", "ratio_known", "shares_known", "due", "reserved"))], align=True,
+     ("z", _F8, 2 * _MAX_AXLES), ("surface_pct", _F8, _MAX_WORDS), ("confidence_pp", _F8, _MAX_WORDS), ("room", _F8),
+     *((n, _I8, _MAX_AXLES) for n in ("sound_ticks", "outlier_us", "inputs_cycle_us")), ("rejected_until_us", _I8),
+     ("confidence", _I4, _MAX_AXLES),
+     *((n, _I4) for n in ("surfaces", "confidences", "sent", "quiet", "out_frames", "out_slots", "window_ticks")),
+     *((n, _I4) for n in (
+       "axles", "messages", "cycles", "patience", "is_reverse", "speed_tells_direction",
+       "torque_sign_counts", "torque_is_total", "ratio_known", "shares_known", "due"))], align=True,
 )  # fmt: skip
 
 
@@ -95,13 +119,24 @@ class Lane:
             self._describe(m, key, reader, places, oks)
         self._places, self._oks = np.array([*places, 0], dtype=_I4), np.array([*oks, 0], dtype=np.uint64)
         self._crc_table = np.frombuffer(CRC_TABLE, dtype=np.uint8)
-        sizes = [core.estimator.library.wrcd_lane_bytes(of) for of in range(5)]
-        ours = [x.itemsize for x in (RECORD, _MESSAGE, _SIGNAL, _PLACE, self._lane.dtype)]
-        assert sizes == ours, f"{sizes} are not {ours}"
-        tables = self._lane, self._message, self._signal, self._place, self._places, self._oks, self._crc_table
-        self._arguments = (*(ctypes.c_void_p(t.ctypes.data) for t in tables), *core.estimator.arguments)
+        self._sent, self._fields, self._quiet = _sent_by(core._outbox)
+        self._cycles = {int(s["word"]): int(s["cycle_us"]) for s in self._sent}
+        self._adhesions = sum(w is not None for w in core._outbox.of_axles["adhesion"])
+        self._made = np.zeros(_MAX_SLOTS * max(1, len(self._sent)), dtype=RECORD)
+        self._slots = np.zeros(_MAX_SLOTS, dtype=_SLOT)
+        sizes = [core.estimator.library.wrcd_lane_bytes(of) for of in range(8)]
+        ours = RECORD, _MESSAGE, _SIGNAL, _PLACE, _LANE, _SENT, _FIELD, _SLOT
+        assert sizes == [x.itemsize for x in ours], f"{sizes} are not {[x.itemsize for x in ours]}"
+        tables = (
+            self._message, self._signal, self._place, self._places, self._oks, self._crc_table, self._sent,
+            self._fields, self._made, self._slots,
+        )  # fmt: skip
+        self._tables = np.array([*(t.ctypes.data for t in tables), len(self._made), len(self._slots)], dtype=_I8)
+        addresses = (ctypes.c_void_p(t.ctypes.data) for t in (self._lane, self._tables))
+        self._arguments = (*addresses, *core.estimator.arguments)
         self._taken = ctypes.c_int64(0)
         self._taken_at = ctypes.byref(self._taken)
+        self._describe_words()
         self.apply_limits()
 
     def _describe(self, m: Any, key: int, reader: MessageReader, places: list[int], oks: list[int]) -> None:
@@ -134,6 +169,14 @@ class Lane:
             elif isinstance(check, JumpCheck):
                 s["check"], s["max_step"], s["timeout_us"] = _JUMP, check._max_step, check._timeout_us
             self._signals.append(check)
+
+    def _describe_words(self) -> None:
+        k, outbox = self._k, self._core._outbox
+        k["surfaces"], k["confidences"], k["room"] = len(SURFACES), len(CONFIDENCES), ROOM
+        k["surface_pct"][: len(SURFACES)] = [low for low, _ in SURFACES]
+        k["confidence_pp"][: len(CONFIDENCES)] = [most for most, _ in CONFIDENCES]
+        k["sent"], k["window_ticks"] = len(self._sent), self._core._validity._window
+        k["inputs_cycle_us"][: self._n] = [outbox.inputs_cycle_us(axle) for axle in range(self._n)]
 
     def apply_limits(self) -> None:
         """The limits of the configuration as it is now."""
@@ -186,7 +229,9 @@ class Lane:
         core, inputs, k, p, n = self._core, self._inputs, self._k, self._place, self._n
         self.is_lent = True
         k["open"], k["begin_us"], k["end_us"], k["stamp_us"] = core._open, core._begin_us, core._end_us, core._stamp_us
-        k["accepted"] = k["ticks"] = k["ratio_known"] = 0
+        k["accepted"] = k["ticks"] = k["ratio_known"] = k["out_frames"] = k["out_slots"] = 0
+        k["sound_ticks"][:n], k["outlier_us"][:n] = core._validity._sound_ticks, core._outlier_us
+        k["rejected_until_us"] = inputs.reach.rejected_until_us
         k["shares_known"], k["is_reverse"] = inputs._shares_known and inputs._shares_ok, inputs._reverse
         p["stamp_us"], p["value"] = inputs._stamp_us, inputs._value
         p["reach"], p["reach_until_us"] = inputs.reach._register, inputs.reach._until_us
@@ -207,6 +252,35 @@ class Lane:
         for m, reader in zip(self._message, self._readers, strict=True):
             if (checker := reader.checker) is not None:
                 m["is_suspicious"], m["last"] = checker.is_suspicious, -1 if checker._last is None else checker._last
+        self.was_told()
+
+    def was_told(self) -> None:
+        """A slot has been told by Python."""
+        k, events = self._k, self._core.events
+        k["confidence"][: self._n] = [_LEVELS.index(level) for level in events.confidences]
+        k["quiet"] = self._quiet if events.is_quiet and not self._core.explains else 0
+
+    def made(self) -> list[Outgoing]:
+        """The frames that were made since the last time."""
+        k = self._k
+        count = int(k["out_frames"])
+        if not count:
+            return []
+        k["out_frames"] = 0
+        self._core.events.confidences = [_LEVELS[level] for level in k["confidence"][: self._n].tolist()]
+        cycles = self._cycles
+        return [Outgoing(frame_of(r), cycles[int(r["word"])]) for r in self._made[:count]]
+
+    def reports(self) -> list[SlotReports]:
+        """The reports of the slots that were told since the last time."""
+        out = []
+        for slot in self._slots[: int(self._k["out_slots"])]:
+            end_us = int(slot["end_us"])
+            adhesion = [int(s["axle"]) for s in self._sent[: self._adhesions] if end_us % s["cycle_us"] < self._k["period_us"]]
+            told = [_report(of_axle) for of_axle in slot["told"][: self._n].tolist()]
+            out.append(SlotReports(told, adhesion, below_min_speed=False))
+        self._k["out_slots"] = 0
+        return out
 
     @property
     def newest(self) -> int:
@@ -272,3 +346,48 @@ class Lane:
             if m["frames"] and reader.checker is not None:
                 payload = m["payload"].tobytes()[: reader.length]
                 reader.checker.follow(int(m["last"]), payload, int(m["last_us"]), int(m["frames"]))
+
+
+_LEVELS = words_of("adhesion", "Confidence")
+
+
+def _report(told: list[float]) -> Report:
+    _, mu, used, age, surface, contact, level = told
+    return Report(
+        Validity.VALID, mu, used, int(age), words_of("adhesion", "Surface")[int(surface)],
+        words_of("adhesion", "ContactState")[int(contact)], _LEVELS[int(level)], Cause.NONE,
+    )  # fmt: skip
+
+
+def _sent_by(outbox: Outbox) -> tuple[Any, Any, int]:
+    """What is sent of the axles while all are Valid: messages, their fields, and a bit for each cycle at which nothing else
+    is due. No messages and no cycles where any is not plain."""
+    groups = outbox.of_axles
+    written = [(group, axle, w) for group, of in groups.items() for axle, w in enumerate(of) if w is not None]
+    if any(w.order is None or w.fd or w.length > 8 for _, _, w in written):
+        return np.zeros(0, dtype=_SENT), np.zeros(0, dtype=_FIELD), 0
+    sent, fields = np.zeros(len(written), dtype=_SENT), np.zeros(sum(len(w.writers) for _, _, w in written), dtype=_FIELD)
+    first = 0
+    for s, (group, axle, w) in zip(sent, written, strict=True):
+        s["start"], s["cycle_us"], s["axle"], s["length"] = w.start, w.cycle_us, axle, w.length
+        s["word"] = w.can_id | EXTENDED * w.extended
+        s["is_big_endian"], s["is_protected"] = w.order == "big", w.data_id is not None
+        s["crc_start"] = 0 if w.data_id is None else Checker(w.data_id).start
+        s["first_field"], s["fields"] = first, len(w.writers)
+        for f, (name, signal) in zip(fields[first:], w.writers.items(), strict=False):
+            _describe_field(f, group, name, signal)
+        first += len(w.writers)
+    others = {w.cycle_us for w in outbox.others}
+    quiet = sum(1 << k for k, cycle_us in enumerate(outbox.cycles_us) if cycle_us not in others)
+    return sent, fields, quiet
+
+
+def _describe_field(f: Any, group: str, name: str, signal: SignalWriter) -> None:
+    f["told"], f["mask"], f["shift"] = _TOLD.index(name), signal.mask, signal.shift
+    words = words_of(group, name)
+    f["is_word"] = bool(words)
+    for k, word in enumerate(words[:_MAX_WORDS]):
+        f["word_bits"][k] = (signal.raw(word) & signal.mask) << signal.shift
+    f["factor"], f["low"], f["high"], f["scale"], f["offset"] = signal.numbers
+    f["lowest"], f["highest"], f["not_available"] = signal.raws
+    f["is_rounded_down"], f["rounds"] = signal.rounds_down, signal.rounds

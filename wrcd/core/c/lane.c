@@ -1,5 +1,5 @@
-/* As wrcd/core/{core,inputs,input_buffers,plausibility,validity}.py, and wrcd/bus/{readers,e2e}.py do it with good frames
- * and sound ticks. */
+/* As wrcd/core/{core,inputs,input_buffers,plausibility,validity}.py, and wrcd/bus/{readers,e2e}.py do it with good
+ * frames and sound ticks. */
 #include <math.h>
 #include <stdbool.h>
 #include <string.h>
@@ -16,8 +16,9 @@ static wrcd_lane_place *at(wrcd_lane_place *place, const wrcd_lane *k, int quant
     return &place[quantity * k->axles + axle];
 }
 
-static wrcd_lane_message *message_of(const wrcd_lane *k, wrcd_lane_message *message, uint32_t word)
+static wrcd_lane_message *message_of(const wrcd_lane *k, const wrcd_lane_tables *t, uint32_t word)
 {
+    wrcd_lane_message *message = t->message;
     int first = 0, end = k->messages;
 
     while (first < end) { /* they are sorted */
@@ -83,7 +84,8 @@ static bool is_plausible(const wrcd_lane *k, const wrcd_lane_signal *s, double p
         return false;
     if (s->check == WRCD_STUCK_CHECKED)
         return !(value == s->value && speed >= k->min_speed_m_s) || s->run + 1 < WRCD_MIN_RUN;
-    if (s->quantity == SPEED && k->speed_tells_direction && fabs(value) > BACKWARDS_M_S && (value < 0.0) != (k->is_reverse != 0))
+    if (s->quantity == SPEED && k->speed_tells_direction && fabs(value) > BACKWARDS_M_S
+        && (value < 0.0) != (k->is_reverse != 0))
         return false;
     if (s->check == WRCD_JUMP_CHECKED) {
         const int64_t age_us = stamp_us - s->changed_us;
@@ -122,11 +124,10 @@ static void reach(wrcd_lane_place *p, int64_t stamp_us)
     p->reach |= 1;
 }
 
-static void accept(wrcd_lane *k, const wrcd_lane_signal *s, wrcd_lane_place *place, const int32_t *places, double value,
-                   int64_t stamp_us)
+static void accept(wrcd_lane *k, const wrcd_lane_tables *t, const wrcd_lane_signal *s, double value, int64_t stamp_us)
 {
     for (int i = 0; i < s->places; i++) {
-        wrcd_lane_place *p = &place[places[s->first_place + i]];
+        wrcd_lane_place *p = &t->place[t->places[s->first_place + i]];
         p->stamp_us = stamp_us;
         reach(p, stamp_us);
         if (s->quantity > LAT) {
@@ -151,16 +152,15 @@ static void accept(wrcd_lane *k, const wrcd_lane_signal *s, wrcd_lane_place *pla
 }
 
 /* Take a frame of a plain message; false, and nothing has changed, if anything speaks against it. */
-static bool take(wrcd_lane *k, wrcd_lane_message *m, wrcd_lane_signal *signal, wrcd_lane_place *place, const int32_t *places,
-                 const uint64_t *oks, const uint8_t *crc_table, const wrcd_frame *f)
+static bool take(wrcd_lane *k, const wrcd_lane_tables *t, wrcd_lane_message *m, const wrcd_frame *f)
 {
     if (!m->is_plain || (f->word & (WRCD_REMOTE | WRCD_ERROR)) || f->length != m->length || f->stamp_us < k->begin_us)
         return false;
     const uint64_t number = whole_number(f->data, m->length, m->is_big_endian != 0);
-    if (!is_intact(m, f, crc_table) || !is_sound(m, oks, number))
+    if (!is_intact(m, f, t->crc_table) || !is_sound(m, t->oks, number))
         return false;
-    wrcd_lane_signal *first = &signal[m->first_signal];
-    const double speed = fabs(at(place, k, SPEED, 0)->value);
+    wrcd_lane_signal *first = &t->signal[m->first_signal];
+    const double speed = fabs(at(t->place, k, SPEED, 0)->value);
     for (int i = 0; i < m->signals; i++) {
         double physical;
         const double value = value_of(&first[i], number, &physical);
@@ -171,7 +171,7 @@ static bool take(wrcd_lane *k, wrcd_lane_message *m, wrcd_lane_signal *signal, w
         double physical;
         const double value = value_of(&first[i], number, &physical);
         learn(&first[i], value, speed, k->min_speed_m_s, f->stamp_us);
-        accept(k, &first[i], place, places, value, f->stamp_us);
+        accept(k, t, &first[i], value, f->stamp_us);
     }
     if (m->is_protected) {
         m->last = f->data[1] & 0x0F;
@@ -184,8 +184,9 @@ static bool take(wrcd_lane *k, wrcd_lane_message *m, wrcd_lane_signal *signal, w
 }
 
 /* Whether nothing speaks against the open tick. */
-static bool tick_is_sound(wrcd_lane *k, const wrcd_lane_signal *signal, int signals, wrcd_lane_place *place)
+static bool tick_is_sound(wrcd_lane *k, const wrcd_lane_tables *t, int signals)
 {
+    wrcd_lane_place *place = t->place;
     const int64_t end_us = k->begin_us + k->period_us;
     const double speed = fabs(at(place, k, SPEED, 0)->value);
     const int count = WRCD_QUANTITIES * k->axles;
@@ -197,7 +198,7 @@ static bool tick_is_sound(wrcd_lane *k, const wrcd_lane_signal *signal, int sign
         if (place[p].is_mapped && end_us - place[p].stamp_us > place[p].timeout_us)
             return false;
     for (int i = 0; i < signals; i++)
-        if (signal[i].run >= WRCD_MIN_RUN)
+        if (t->signal[i].run >= WRCD_MIN_RUN)
             return false;
     for (int axle = 0; !k->shares_known && axle < k->axles; axle++) {
         const wrcd_lane_place *torque = at(place, k, TORQUE, axle);
@@ -217,9 +218,10 @@ static bool tick_is_sound(wrcd_lane *k, const wrcd_lane_signal *signal, int sign
 }
 
 /* Close the open tick: each axle's measurements, the torque, the bank. Returns what the estimator says. */
-static int close_tick(wrcd_lane *k, wrcd_lane_place *place, wrcd_estimator *e, const wrcd_design *design,
+static int close_tick(wrcd_lane *k, const wrcd_lane_tables *t, wrcd_estimator *e, const wrcd_design *design,
                       wrcd_result *result)
 {
+    wrcd_lane_place *place = t->place;
     const int n = k->axles;
     double *z = k->z;
     uint8_t present[WRCD_CHANNELS * WRCD_MAX_AXLES];
@@ -251,6 +253,8 @@ static int close_tick(wrcd_lane *k, wrcd_lane_place *place, wrcd_estimator *e, c
     k->ticks++;
     k->begin_us = k->open * k->period_us;
     k->end_us = k->begin_us + k->period_us;
+    for (int axle = 0; axle < n; axle++)
+        k->sound_ticks[axle]++;
     k->due = 0;
     for (int i = 0; i < k->cycles; i++)
         if (k->begin_us % k->cycle_us[i] < k->period_us)
@@ -258,62 +262,60 @@ static int close_tick(wrcd_lane *k, wrcd_lane_place *place, wrcd_estimator *e, c
     return says;
 }
 
-/* Close ticks up to one, until something happens. */
-static int close_up_to(wrcd_lane *k, const wrcd_lane_signal *signal, int signals, wrcd_lane_place *place, wrcd_estimator *e,
+/* Close ticks up to one, until something happens that Python has to know. */
+static int close_up_to(wrcd_lane *k, const wrcd_lane_tables *t, int signals, wrcd_estimator *e,
                        const wrcd_design *design, wrcd_result *result, int64_t target)
 {
     while (k->open < target) {
-        if (!tick_is_sound(k, signal, signals, place))
+        if (!tick_is_sound(k, t, signals))
             return WRCD_TICK;
-        const int says = close_tick(k, place, e, design, result);
+        const int says = close_tick(k, t, e, design, result);
         if (says)
             return WRCD_NOTE;
-        if (k->due)
+        if (k->due && !((k->due & ~k->quiet) == 0 && wrcd_lane_tell(k, t, e, design)))
             return WRCD_SLOT;
     }
     return WRCD_ALL_TAKEN;
 }
 
-static int signals_of(const wrcd_lane *k, const wrcd_lane_message *message)
+static int signals_of(const wrcd_lane *k, const wrcd_lane_tables *t)
 {
     int count = 0;
 
     for (int i = 0; i < k->messages; i++)
-        count += message[i].signals;
+        count += t->message[i].signals;
     return count;
 }
 
-int wrcd_lane_run(wrcd_lane *k, wrcd_lane_message *message, wrcd_lane_signal *signal, wrcd_lane_place *place,
-                  const int32_t *places, const uint64_t *oks, const uint8_t *crc_table, wrcd_estimator *e,
-                  const wrcd_design *design, wrcd_result *result, const wrcd_frame *frame, int64_t frames,
-                  int64_t *taken)
+int wrcd_lane_run(wrcd_lane *k, const wrcd_lane_tables *t, wrcd_estimator *e, const wrcd_design *design,
+                  wrcd_result *result, const wrcd_frame *frame, int64_t frames, int64_t *taken)
 {
-    const int signals = signals_of(k, message);
+    const int signals = signals_of(k, t);
 
     for (; *taken < frames; ++*taken) {
         const wrcd_frame *f = &frame[*taken];
-        wrcd_lane_message *m = f->word & WRCD_ERROR ? NULL : message_of(k, message, f->word & ~WRCD_REMOTE);
+        wrcd_lane_message *m = f->word & WRCD_ERROR ? NULL : message_of(k, t, f->word & ~WRCD_REMOTE);
         if (m == NULL)
             continue;
         if (!(k->begin_us <= k->stamp_us && k->stamp_us <= f->stamp_us && f->stamp_us < k->end_us)) {
             if (f->stamp_us - k->begin_us > k->forward_step_us || k->stamp_us - f->stamp_us > k->backward_step_us)
                 return WRCD_FRAME;
-            const int stop = close_up_to(k, signal, signals, place, e, design, result, f->stamp_us / k->period_us);
+            const int stop = close_up_to(k, t, signals, e, design, result, f->stamp_us / k->period_us);
             if (stop != WRCD_ALL_TAKEN)
                 return stop;
         }
-        if (!take(k, m, signal, place, places, oks, crc_table, f))
+        if (!take(k, t, m, f))
             return WRCD_FRAME;
         k->stamp_us = f->stamp_us > k->stamp_us ? f->stamp_us : k->stamp_us;
     }
     return WRCD_ALL_TAKEN;
 }
 
-/* Bytes of a frame, a message, a signal, a place and a lane, for a check of who else lays them out. */
+/* Bytes of the records, for a check of who else lays them out. */
 int wrcd_lane_bytes(int of)
 {
-    const size_t bytes[] = {sizeof(wrcd_frame), sizeof(wrcd_lane_message), sizeof(wrcd_lane_signal), sizeof(wrcd_lane_place),
-                            sizeof(wrcd_lane)};
+    const size_t bytes[] = {sizeof(wrcd_frame), sizeof(wrcd_lane_message), sizeof(wrcd_lane_signal),
+                            sizeof(wrcd_lane_place), sizeof(wrcd_lane), sizeof(wrcd_lane_sent), sizeof(wrcd_lane_field), sizeof(wrcd_lane_slot)};
 
     return (int)bytes[of];
 }
