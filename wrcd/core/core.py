@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wrcd.bus.batch import Records, frame_of
+from wrcd.bus.batch import Records, frames_of
 from wrcd.bus.codec import MessageReader, Receiver, Sample, Value
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
@@ -45,15 +45,6 @@ SILENCE_US = 1_000_000  # without a mapped frame: longer, and nothing that was k
 
 
 Dues = tuple[int, ...]  # cycles (in µs) of the frames that are due
-
-
-class Decoded(NamedTuple):
-    """The samples of a mapped frame, read ahead of their turn: only where Core.goes_on_from() holds."""
-
-    stamp_us: int
-    reader: MessageReader
-    samples: Sequence[Sample]
-    is_checked: bool  # by Core.check_all()
 
 
 class Observer:
@@ -121,7 +112,7 @@ class Core:
         self._front = None if positions_m is None else Front(positions_m, config.design.tick_s)
         self._ahead = None if positions_m is None else Ahead([a.number for a in config.axles])
         self._adviser = None if config.advice is None else Adviser(n, config.advice)
-        self.explains = False  # what feed_batch() makes comes with its estimate, as what feed() makes does
+        self.explains = True  # what feed_batch() makes comes with its estimate, as what feed() makes
         self.muted = False  # make no frames: nobody would send them
         self._lane = Lane(self, (SILENCE_US, FORWARD_STEP_US, BACKWARD_STEP_US)) if fits(self) else None
 
@@ -184,7 +175,8 @@ class Core:
         at, lane = 0, self._lane
         while at < len(records):
             if lane is None or not lane.is_open():
-                out += self.feed(frame_of(records[at]))
+                for frame in frames_of(records[at : at + 1]):
+                    out += self.feed(frame)
                 at += 1
                 continue
             stop, at = lane.take(records, at)
@@ -209,43 +201,24 @@ class Core:
             lane.was_told()
         return out
 
-    def feed(self, received: Frame | Decoded) -> list[Outgoing]:
-        """Take a frame, or its samples; return what was due before its stamp. What is not mapped changes nothing.
+    def feed(self, frame: Frame) -> list[Outgoing]:
+        """Take a frame; return what was due before its stamp. What is not mapped changes nothing.
 
         It is accepted or rejected here, whole, for what its reader or the plausibility checks find.
         """
         self.settle()
-        stamp_us = received.stamp_us
-        if isinstance(received, Decoded):
-            reader, out = received.reader, self._move_to(stamp_us)
-            samples: Sequence[Sample] | Reason = received.samples
+        reader = self.receiver.reader(frame)
+        if reader is None:
+            return []
+        stamp_us = frame.stamp_us
+        out, samples = self._move_to(stamp_us), reader.read(frame)
+        reason = samples if isinstance(samples, Reason) else self._inputs.check(samples, stamp_us)
+        if reason is None:
+            self._accept(samples, stamp_us)
         else:
-            found = self.receiver.reader(received)
-            if found is None:
-                return []
-            reader, out = found, self._move_to(stamp_us)
-            samples = reader.read(received)
-        if isinstance(samples, Reason):
-            reason: Reason | None = samples
-        else:
-            is_checked = isinstance(received, Decoded) and received.is_checked
-            reason = None if is_checked else self._inputs.check(samples, stamp_us)
-            if reason is None:
-                self._accept(samples, stamp_us)
-        if reason is not None:
             self.counts.reject(reader.name, reason)
-            concerned = reader.numbers if isinstance(received, Decoded) else reader.concerned(received, reason)
-            self._inputs.reject(concerned, stamp_us, reason)
+            self._inputs.reject(reader.concerned(frame, reason), stamp_us, reason)
         return out
-
-    def check_all(self, source: int, values: Sequence[float], stamps_us: Sequence[int]) -> bool:
-        """Check many samples of one input at once, before they are fed as checked; False: feed() has to check each."""
-        return self._inputs.check_all(source, values, stamps_us)
-
-    def goes_on_from(self, stamp_us: int) -> bool:
-        """Whether a frame with this stamp is neither a step of time nor the end of a silence: what comes before it
-        resets no reader, and its samples may be decoded ahead of their turn."""
-        return self._stamp_us != NEVER and 0 <= stamp_us - self._stamp_us < min(SILENCE_US, FORWARD_STEP_US) // 2
 
     def _accept(self, samples: Sequence[Sample], stamp_us: int) -> None:
         self.counts.accepted += 1

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wrcd.bus.batch import EXTENDED, RECORD, Records, frame_of
+from wrcd.bus.batch import EXTENDED, RECORD, Records, frames_of
 from wrcd.bus.e2e import CRC_TABLE, Checker
 from wrcd.bus.readers import MessageReader
 from wrcd.bus.writers import SignalWriter
@@ -269,7 +269,7 @@ class Lane:
         k["out_frames"] = 0
         self._core.events.confidences = [_LEVELS[level] for level in k["confidence"][: self._n].tolist()]
         cycles = self._cycles
-        return [Outgoing(frame_of(r), cycles[int(r["word"])]) for r in self._made[:count]]
+        return [Outgoing(frame, cycles[frame.key]) for frame in frames_of(self._made[:count])]
 
     def reports(self) -> list[SlotReports]:
         """The reports of the slots that were told since the last time."""
