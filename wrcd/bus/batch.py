@@ -10,7 +10,7 @@ from wrcd.bus.frame import Frame
 
 # As `wrcd_frame` in wrcd/bus/c/wrcd_frame.h. word: the id, with these flags.
 RECORD = np.dtype(
-    [("stamp_us", np.int64), ("word", np.uint32), ("length", np.uint8), ("flags", np.uint8), ("reserved", np.uint16),
+    [("stamp_us", np.int64), ("word", np.uint32), ("length", np.uint8), ("flags", np.uint8), ("cause", np.uint16),
      ("data", np.uint8, 8)]
 )  # fmt: skip
 _LAYOUT = Struct("=qIBBH8s")

@@ -139,7 +139,7 @@ class Core:
 
     def _take_told(self) -> None:
         """Take what slots have told in the lane."""
-        if self._lane is not None and (told := self._lane.reports()):
+        if self._lane is not None and (told := self._lane.reports(newest_alone=self._slot_reports is None)):
             self._reports = list(told[-1].reports)
             if self._slot_reports is not None:
                 self._slot_reports += told

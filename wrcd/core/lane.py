@@ -17,13 +17,15 @@ from wrcd.bus.writers import SignalWriter
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.input_buffers import NEVER
 from wrcd.core.inputs import LAT, QUANTITIES, TORQUE, TRACTION_HELD_US, TickInputs
-from wrcd.core.messages import ROOM, Outbox, Outgoing, Report
+from wrcd.core.messages import ROOM, Outbox, Outgoing, Report, nan_to_none
 from wrcd.core.plausibility import MIN_RUN, JumpCheck, StuckCheck
 from wrcd.core.slot import SlotReports
-from wrcd.core.validity import LOAD_SHARES, RADIUS_SHARES
+from wrcd.core.validity import LOAD_SHARES, OF_ESTIMATE, OF_PAIR, RADIUS_SHARES
 from wrcd.core.vocabulary import CONFIDENCES, MESSAGES, SURFACES, words_of
 from wrcd.estimator.compiled import CompiledEstimator
 from wrcd.estimator.design import FloatArray
+from wrcd.estimator.records import EstimateDoubt
+from wrcd.estimator.trust.health import PairState
 
 if TYPE_CHECKING:
     from wrcd.core.core import Core
@@ -36,7 +38,7 @@ _MAX_CYCLES, _MAX_AXLES = 8, 8
 _I4, _I8, _F8 = np.int32, np.int64, np.float64
 
 _TOLD = [name for message in ("adhesion", "detail", "inputs") for name in MESSAGES[message]]  # enum wrcd_told
-_REPORTED, _MAX_WORDS = len(MESSAGES["adhesion"]), 16
+_REPORTED, _MAX_WORDS = len(MESSAGES["adhesion"]) + 2, 32
 _MAX_SLOTS = 64  # that are made without coming back
 
 # As the records of lane.h.
@@ -76,8 +78,9 @@ _LANE = np.dtype(
      ("shares", _F8, 4), ("traction_held_us", _I8), ("accepted", _I8), ("ticks", _I8), ("torque_ratio", _F8, _MAX_AXLES),
      ("z", _F8, 2 * _MAX_AXLES), ("surface_pct", _F8, _MAX_WORDS), ("confidence_pp", _F8, _MAX_WORDS), ("room", _F8),
      *((n, _I8, _MAX_AXLES) for n in ("sound_ticks", "outlier_us", "inputs_cycle_us")), ("rejected_until_us", _I8),
-     ("confidence", _I4, _MAX_AXLES),
-     *((n, _I4) for n in ("surfaces", "confidences", "sent", "quiet", "out_frames", "out_slots", "window_ticks")),
+     *((n, _I4, _MAX_AXLES) for n in ("confidence", "cause", "standing")), ("of_pair", _I4, len(PairState)),
+     ("of_doubt", _I4, len(EstimateDoubt)), ("contradiction", _I4), ("too_little_data", _I4),
+     *((n, _I4) for n in ("surfaces", "confidences", "sent", "adhesions", "quiet", "out_frames", "out_slots", "window_ticks")),
      *((n, _I4) for n in (
        "axles", "messages", "cycles", "patience", "is_reverse", "speed_tells_direction",
        "torque_sign_counts", "torque_is_total", "ratio_known", "shares_known", "due"))], align=True,
@@ -175,7 +178,10 @@ class Lane:
         k["surfaces"], k["confidences"], k["room"] = len(SURFACES), len(CONFIDENCES), ROOM
         k["surface_pct"][: len(SURFACES)] = [low for low, _ in SURFACES]
         k["confidence_pp"][: len(CONFIDENCES)] = [most for most, _ in CONFIDENCES]
-        k["sent"], k["window_ticks"] = len(self._sent), self._core._validity._window
+        k["sent"], k["adhesions"], k["window_ticks"] = len(self._sent), self._adhesions, self._core._validity._window
+        k["of_pair"] = [OF_PAIR.get(state, Cause.NONE) for state in PairState]
+        k["of_doubt"] = [OF_ESTIMATE.get(doubt, Cause.NONE) for doubt in EstimateDoubt]
+        k["contradiction"], k["too_little_data"] = Cause.CONTRADICTION, Cause.TOO_LITTLE_DATA
         k["inputs_cycle_us"][: self._n] = [outbox.inputs_cycle_us(axle) for axle in range(self._n)]
 
     def apply_limits(self) -> None:
@@ -258,7 +264,8 @@ class Lane:
         """A slot has been told by Python."""
         k, events = self._k, self._core.events
         k["confidence"][: self._n] = [_LEVELS.index(level) for level in events.confidences]
-        k["quiet"] = self._quiet if events.is_quiet and not self._core.explains else 0
+        k["cause"][: self._n], k["standing"][: self._n] = events.causes, events.standing_causes
+        k["quiet"] = self._quiet if events.all_estimated and not self._core.explains else 0
 
     def made(self) -> list[Outgoing]:
         """The frames that were made since the last time."""
@@ -269,12 +276,16 @@ class Lane:
         k["out_frames"] = 0
         self._core.events.confidences = [_LEVELS[level] for level in k["confidence"][: self._n].tolist()]
         cycles = self._cycles
-        return [Outgoing(frame, cycles[frame.key]) for frame in frames_of(self._made[:count])]
+        made = self._made[:count]
+        return [
+            Outgoing(frame, cycles[frame.key], None, Cause(cause))
+            for frame, cause in zip(frames_of(made), made["cause"].tolist(), strict=True)
+        ]
 
-    def reports(self) -> list[SlotReports]:
+    def reports(self, newest_alone: bool) -> list[SlotReports]:
         """The reports of the slots that were told since the last time."""
-        out = []
-        for slot in self._slots[: int(self._k["out_slots"])]:
+        out, count = [], int(self._k["out_slots"])
+        for slot in self._slots[max(count - 1, 0) if newest_alone else 0 : count]:
             end_us = int(slot["end_us"])
             adhesion = [int(s["axle"]) for s in self._sent[: self._adhesions] if end_us % s["cycle_us"] < self._k["period_us"]]
             told = [_report(of_axle) for of_axle in slot["told"][: self._n].tolist()]
@@ -348,14 +359,14 @@ class Lane:
                 reader.checker.follow(int(m["last"]), payload, int(m["last_us"]), int(m["frames"]))
 
 
-_LEVELS = words_of("adhesion", "Confidence")
+_SURFACES, _CONTACTS, _LEVELS = (words_of("adhesion", name) for name in ("Surface", "ContactState", "Confidence"))
 
 
 def _report(told: list[float]) -> Report:
-    _, mu, used, age, surface, contact, level = told
+    _, mu, used, age, surface, contact, level, cause, short = told
     return Report(
-        Validity.VALID, mu, used, int(age), words_of("adhesion", "Surface")[int(surface)],
-        words_of("adhesion", "ContactState")[int(contact)], _LEVELS[int(level)], Cause.NONE,
+        Validity.DEGRADED if cause else Validity.VALID, nan_to_none(mu), used, int(age), _SURFACES[int(surface)],
+        _CONTACTS[int(contact)], _LEVELS[int(level)], Cause(int(cause)), bool(short),
     )  # fmt: skip
 
 

@@ -65,11 +65,11 @@ def outgoing_of_stretches(core: Core, items: Iterable[Item]) -> Iterator[tuple[O
 
 def _goes_on(core: Core, s: Stretch) -> bool:
     """Whether a stretch is worth it, and no mapped frame of it comes after a silence."""
-    if len(s) < MIN_ROWS or core.time_us is None:  # as between frames that are not plain
-        return False
     mapped = s.stamps_us[np.isin(s.keys, core.receiver.keys)]
-    gaps = np.diff(mapped, prepend=core.time_us, append=s.stamps_us[-1])
-    return bool((gaps < MAX_GAP_US).all())
+    if len(s) < MIN_ROWS or not len(mapped):  # as between frames that are not plain
+        return False
+    before_us = mapped[0] if core.time_us is None else core.time_us
+    return bool((np.diff(mapped, prepend=before_us, append=s.stamps_us[-1]) < MAX_GAP_US).all())
 
 
 def silence(core: Core, stamp_us: int) -> list[Outgoing]:
@@ -199,6 +199,8 @@ class Part:
 
     def wants(self, o: Outgoing) -> bool:
         """Whether a frame lies within the time, and is not another axle's."""
+        if not self._left_out and self.begin_us is None and self.end_us is None:
+            return True
         return self.wants_at(o.frame.stamp_us) and o.frame.key not in self._left_out
 
     def wants_at(self, stamp_us: int) -> bool:

@@ -8,7 +8,7 @@ typedef struct {
     int64_t stamp_us;  /* since 1970 */
     uint32_t word;     /* the id, with the kernel's flags of 29 bits, of a request and of an error */
     uint8_t length, flags;
-    uint16_t reserved;
+    uint16_t cause;    /* of what is sent: why an axle is not Valid */
     uint8_t data[8];
 } wrcd_frame;
 

@@ -48,7 +48,7 @@ typedef struct {
 #define WRCD_TELL(name) WRCD_##name,
 enum wrcd_told { WRCD_TOLD(WRCD_TELL) WRCD_TOLD_COUNT };
 #undef WRCD_TELL
-enum { WRCD_MAX_WORDS = 16, WRCD_REPORTED = WRCD_CONFIDENCE + 1 };
+enum { WRCD_MAX_WORDS = 32, WRCD_CAUSE_OF = WRCD_CONFIDENCE + 1, WRCD_IS_SHORT, WRCD_REPORTED };
 
 /* A signal of a frame that is sent: where it lies, and how a number becomes its raw value; a word's bits lie ready. */
 typedef struct {
@@ -85,8 +85,9 @@ typedef struct {
     double surface_pct[WRCD_MAX_WORDS], confidence_pp[WRCD_MAX_WORDS], room; /* limits, as the vocabulary has them */
     int64_t sound_ticks[WRCD_MAX_AXLES], outlier_us[WRCD_MAX_AXLES], inputs_cycle_us[WRCD_MAX_AXLES];
     int64_t rejected_until_us; /* up to here it is told that a frame was refused */
-    int32_t confidence[WRCD_MAX_AXLES]; /* of the newest slot, by its place */
-    int32_t surfaces, confidences, sent, quiet /* cycles */, out_frames, out_slots, window_ticks;
+    int32_t confidence[WRCD_MAX_AXLES], cause[WRCD_MAX_AXLES], standing[WRCD_MAX_AXLES]; /* of the newest slot */
+    int32_t of_pair[WRCD_PAIR_STATES], of_doubt[WRCD_GAPS + 1], contradiction, too_little_data; /* causes */
+    int32_t surfaces, confidences, sent, adhesions, quiet /* cycles */, out_frames, out_slots, window_ticks;
     int32_t axles, messages, cycles, patience, is_reverse, speed_tells_direction;
     int32_t torque_sign_counts, torque_is_total, ratio_known, shares_known, due;
 } wrcd_lane;
@@ -96,7 +97,7 @@ typedef struct {
  * reset (then `due` holds as well). */
 enum wrcd_lane_stop { WRCD_ALL_TAKEN, WRCD_FRAME, WRCD_TICK, WRCD_SLOT, WRCD_NOTE };
 
-/* What a slot told of each axle, up to WRCD_CONFIDENCE, at its end. */
+/* What a slot told of each axle at its end: up to WRCD_CONFIDENCE, the cause, and whether for too short a window. */
 typedef struct {
     int64_t end_us;
     double told[WRCD_MAX_AXLES][WRCD_REPORTED];
@@ -120,7 +121,8 @@ typedef struct {
 /* Take frames until something happens; `taken` of them were. */
 int wrcd_lane_run(wrcd_lane *lane, const wrcd_lane_tables *tables, wrcd_estimator *e, const wrcd_design *design,
                   wrcd_result *result, const wrcd_frame *frame, int64_t frames, int64_t *taken);
-/* The frames of a slot in which every axle is Valid as before; false, and nothing was made, where one is not. */
+/* The frames of a slot in which every axle is Valid, or not and for the same cause, as in the slot before; false, and
+ * nothing was made, where one is not. */
 int wrcd_lane_tell(wrcd_lane *lane, const wrcd_lane_tables *tables, const wrcd_estimator *e, const wrcd_design *design);
 
 #endif

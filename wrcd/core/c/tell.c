@@ -1,12 +1,12 @@
-/* What a slot's frames tell while every axle is Valid, and the frames. As slot.py, messages.py and bus/writers.py. */
+/* What a slot's frames tell while every axle's state is as before, and the frames. As slot.py, messages.py and bus/writers.py. */
 #include <math.h>
 #include <stdbool.h>
 #include <string.h>
 
 #include "lane.h"
 
-enum { TORQUE = 2, SPEED = 3, BRAKE = 4, COUNTER_MODULO = 15, VALID = 1, REACH_BITS = 8, QUANTITIES_TOLD = 4 };
-enum { ADHERING = 1, SATURATED, CONSISTENT = 1 };
+enum { TORQUE = 2, SPEED = 3, BRAKE = 4, COUNTER_MODULO = 15, VALID = 1, DEGRADED, REACH_BITS = 8, QUANTITIES_TOLD = 4 };
+enum { ADHERING = 1, SATURATED, CONSISTENT = 1, FULL, CONTRADICTS };
 
 /* Age of the oldest of gyro, acceleration, torques and speed, in ms. */
 static double age_ms(const wrcd_lane *k, const wrcd_lane_place *place, int axle, int64_t end_us)
@@ -42,31 +42,39 @@ static int confidence_of(const wrcd_lane *k, double half_width_pp, int before)
 
 static double number(double x) { return isfinite(x) ? x : NAN; }
 
-/* What is told of an axle; false where it is not Valid. */
+static int cause_of(const wrcd_lane *k, int standing, const wrcd_adhesion *a)
+{
+    if (standing != 0 || a->doubt != WRCD_NO_DOUBT)
+        return standing != 0 ? standing : k->of_doubt[(int)a->doubt];
+    return !isfinite(a->mu_available_pct) ? k->too_little_data : a->contradicted > 0.0 ? k->contradiction : 0;
+}
+
+/* What is told of an axle; false where its state is another one than in the slot before. */
 static bool tell_of(const wrcd_lane *k, wrcd_lane_place *place, int axle, int64_t end_us, const wrcd_adhesion *a,
                     double told[WRCD_TOLD_COUNT])
 {
-    const double mu = a->mu_available_pct, used = fmin(100.0 * k->torque_ratio[axle], 100.0);
+    const int cause = cause_of(k, k->standing[axle], a);
+    const bool valid = cause == 0, known = isfinite(a->mu_available_pct);
+    const double mu = number(a->mu_available_pct), used = fmin(100.0 * k->torque_ratio[axle], 100.0);
     int surface = 0;
 
-    if (a->doubt != WRCD_NO_DOUBT || a->contradicted > 0.0 || !isfinite(mu) || !isfinite(a->half_width_pp)
-        || !isfinite(used))
+    if (cause != k->cause[axle] || isnan(k->torque_ratio[axle]) || (valid && !isfinite(a->half_width_pp)))
         return false;
     while (surface < k->surfaces - 1 && mu < k->surface_pct[surface])
         surface++;
-    told[WRCD_VALIDITY] = VALID;
+    told[WRCD_VALIDITY] = valid ? VALID : DEGRADED;
     told[WRCD_MU_AVAILABLE] = mu;
-    told[WRCD_MU_USED] = fmin(used, mu);
+    told[WRCD_MU_USED] = valid ? fmin(used, mu) : used;
     told[WRCD_SAMPLE_AGE] = age_ms(k, place, axle, end_us);
-    told[WRCD_SURFACE] = surface + 1; /* behind Unknown */
-    told[WRCD_CONTACT_STATE] = a->saturated > 0.0 ? SATURATED : ADHERING;
-    told[WRCD_CONFIDENCE] = confidence_of(k, a->half_width_pp, k->confidence[axle]);
+    told[WRCD_SURFACE] = known ? surface + 1 : 0; /* Unknown is first */
+    told[WRCD_CONTACT_STATE] = !known ? 0 : a->saturated > 0.0 ? SATURATED : ADHERING;
+    told[WRCD_CONFIDENCE] = valid ? confidence_of(k, a->half_width_pp, k->confidence[axle]) : 0;
     told[WRCD_WINNING_MODEL] = a->winner;
     told[WRCD_DOMINANT_RULE] = a->rule;
     for (int m = 0; m < WRCD_MODELS; m++)
-        told[WRCD_RESIDUAL_1 + m] = number(20.0 * log10(a->residuals[m]));
-    told[WRCD_CAUSE] = 0.0;
-    told[WRCD_PLAUSIBILITY] = CONSISTENT + (a->saturated > 0.0 ? 1 : 0);
+        told[WRCD_RESIDUAL_1 + m] = isfinite(a->residuals[m]) ? 20.0 * log10(a->residuals[m]) : NAN;
+    told[WRCD_CAUSE] = cause;
+    told[WRCD_PLAUSIBILITY] = !known ? 0 : a->contradicted > 0.0 ? CONTRADICTS : a->saturated > 0.0 ? FULL : CONSISTENT;
     told[WRCD_OUTLIER] = end_us - k->outlier_us[axle] <= k->inputs_cycle_us[axle];
     told[WRCD_UNCHANGED] = 0.0;
     for (int q = 0; q < QUANTITIES_TOLD; q++) {
@@ -131,7 +139,7 @@ int wrcd_lane_tell(wrcd_lane *k, const wrcd_lane_tables *t, const wrcd_estimator
     if (k->out_frames + k->sent > t->max_made || k->out_slots >= t->max_slots || end_us <= k->rejected_until_us)
         return false;
     for (int axle = 0; axle < k->axles; axle++)
-        if (k->sound_ticks[axle] < k->window_ticks || wrcd_pair_state(e, axle) != 0)
+        if (k->sound_ticks[axle] < k->window_ticks || k->of_pair[wrcd_pair_state(e, axle)] != k->standing[axle])
             return false;
     wrcd_estimate(e, d, adhesion);
     for (int axle = 0; axle < k->axles; axle++)
@@ -140,12 +148,17 @@ int wrcd_lane_tell(wrcd_lane *k, const wrcd_lane_tables *t, const wrcd_estimator
     wrcd_lane_slot *slot = &t->slot[k->out_slots];
     slot->end_us = end_us;
     for (int axle = 0; axle < k->axles; axle++) {
-        memcpy(slot->told[axle], told[axle], sizeof slot->told[axle]);
+        memcpy(slot->told[axle], told[axle], WRCD_CAUSE_OF * sizeof(double));
+        slot->told[axle][WRCD_CAUSE_OF] = told[axle][WRCD_CAUSE];
+        slot->told[axle][WRCD_IS_SHORT] = k->cause[axle] == k->too_little_data && adhesion[axle].doubt != WRCD_GAPS;
         k->confidence[axle] = (int32_t)told[axle][WRCD_CONFIDENCE];
     }
     k->out_slots++;
     for (int i = 0; i < k->sent; i++)
-        if (end_us % t->sent[i].cycle_us < k->period_us)
-            pack(&t->sent[i], t->field, t->crc_table, end_us, told[t->sent[i].axle], &t->made[k->out_frames++]);
+        if (end_us % t->sent[i].cycle_us < k->period_us) {
+            wrcd_frame *made = &t->made[k->out_frames++];
+            pack(&t->sent[i], t->field, t->crc_table, end_us, told[t->sent[i].axle], made);
+            made->cause = (uint16_t)(i < k->adhesions ? k->cause[t->sent[i].axle] : 0);
+        }
     return true;
 }
