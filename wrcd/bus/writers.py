@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping
-from functools import cached_property
 
 from wrcd.bus.dbc import Message, Signal, data_id, find_signal
 from wrcd.bus.e2e import COUNTER_MODULO, protect
@@ -94,13 +93,16 @@ class Writer:
         odd = message.is_multiplexed() or any(s.is_float for s in message.signals)
         order = common_order([position(s, self.length) for s in message.signals])
         self.order: Order | None = None if odd else order
+        self._start: int | None = None  # made when it is first needed
         self.can_id, self.extended = message.frame_id, message.is_extended_frame
 
-    @cached_property
+    @property
     def start(self) -> int:
         """What the frame of a plain message is, as a whole number, before the values are put in."""
-        assert self.order is not None
-        return int.from_bytes(self._encoded({}), self.order)
+        if self._start is None:
+            assert self.order is not None
+            self._start = int.from_bytes(self._encoded({}), self.order)
+        return self._start
 
     def frame(self, stamp_us: int, slot: int, values: Mapping[str, Value]) -> Frame:
         """The frame of a slot. Values of signals that the message lacks are left out."""

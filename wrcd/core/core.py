@@ -30,7 +30,7 @@ from wrcd.core.details import Details
 from wrcd.core.events import Events
 from wrcd.core.front import Front
 from wrcd.core.input_buffers import NEVER
-from wrcd.core.lane import NOTE, SLOT, Lane, fits
+from wrcd.core.lane import NOTE, SLOT, FastLane, fits
 from wrcd.core.inputs import YAW, Inputs, TickInputs
 from wrcd.core.messages import NAMES, Outbox, Outgoing, Report
 from wrcd.core.slot import Slot, SlotReports, frames, reports
@@ -114,7 +114,7 @@ class Core:
         self._adviser = None if config.advice is None else Adviser(n, config.advice)
         self.explains = True  # what feed_batch() makes comes with its estimate, as what feed() makes
         self.muted = False  # make no frames: nobody would send them
-        self._lane = Lane(self, (SILENCE_US, FORWARD_STEP_US, BACKWARD_STEP_US)) if fits(self) else None
+        self._lane = FastLane(self, (SILENCE_US, FORWARD_STEP_US, BACKWARD_STEP_US)) if fits(self) else None
 
     @property
     def speed_m_s(self) -> float:
@@ -187,7 +187,7 @@ class Core:
             lane.report()
         return out
 
-    def _after_tick_of(self, lane: Lane, stop: int) -> list[Outgoing]:
+    def _after_tick_of(self, lane: FastLane, stop: int) -> list[Outgoing]:
         """What a tick that the lane has closed leaves to do: to note outliers and resets, and the frames that are due."""
         self._take_told()
         due, number = lane.due, lane.newest

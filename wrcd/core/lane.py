@@ -22,7 +22,7 @@ from wrcd.core.plausibility import MIN_RUN, JumpCheck, StuckCheck
 from wrcd.core.slot import SlotReports
 from wrcd.core.validity import LOAD_SHARES, OF_ESTIMATE, OF_PAIR, RADIUS_SHARES
 from wrcd.core.vocabulary import CONFIDENCES, MESSAGES, SURFACES, words_of
-from wrcd.estimator.compiled import CompiledEstimator
+from wrcd.estimator.compiled_estimator import CompiledEstimator
 from wrcd.estimator.design import FloatArray
 from wrcd.estimator.records import EstimateDoubt
 from wrcd.estimator.trust.health import PairState
@@ -100,7 +100,7 @@ def fits(core: "Core") -> bool:
     )
 
 
-class Lane:
+class FastLane:
     """Of one core that it fits. limits_us: of a silence, and of steps of time forward and backward."""
 
     def __init__(self, core: "Core", limits_us: tuple[int, int, int]) -> None:
@@ -152,6 +152,8 @@ class Lane:
         )  # fmt: skip
         m["is_protected"] = checker is not None
         m["crc_start"] = 0 if checker is None else checker.start
+        if not m["is_plain"]:  # Python takes its frames
+            return
         m["first_signal"], m["signals"] = len(self._signals), len(reader.signals)
         bits, good = reader.good_statuses
         m["status_bits"], m["first_ok"], m["oks"] = bits, len(oks), len(good)

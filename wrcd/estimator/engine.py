@@ -1,6 +1,6 @@
 """Which estimator runs: the compiled one where its library is there, else the reference in numpy."""
 
-from wrcd.estimator.compiled import CompiledEstimator
+from wrcd.estimator.compiled_estimator import CompiledEstimator
 from wrcd.estimator.design import Design
 from wrcd.estimator.estimator import Estimator
 from wrcd.native import library

@@ -150,7 +150,7 @@ def test_columns_read_what_one_frame_after_the_other_gives(
     got, regular = [], False
     (stretch,) = stretches((f, "can0") for f in frames)
     assert not isinstance(stretch, tuple)
-    for row in Columns(by_columns, lambda *_: False).read(stretch):
+    for row in Columns(by_columns).read(stretch):
         frame = stretch.frame(row.place)
         samples = row.reader.read(frame) if row.samples is None else list(row.samples)
         got.append((frame, samples))

@@ -15,7 +15,7 @@ from wrcd.estimator.paper.bank import BoolArray
 from wrcd.estimator.paper.window import COLUMNS as SUMS
 from wrcd.estimator.records import Estimate, StepResult, Tick, Ticks
 from wrcd.estimator.signals.gate import Outliers
-from wrcd.estimator.table import Member, OverSpeed, members
+from wrcd.estimator.design_members import Member, OverSpeed, members
 from wrcd.estimator.trust.health import HealthFigures
 from wrcd.estimator.trust.pair import BANDS
 
