@@ -10,7 +10,11 @@ from wrcd.cli.program import Subcommand
 def _add(p: argparse.ArgumentParser) -> None:
     p.add_argument("-o", "--output", type=Path, metavar="DIR", required=True, help="the folder to write it to")
     add_config(p)
-    p.add_argument("--estimator", action="store_true", help="the estimator in C with the design, for an ECU, instead")
+    p.add_argument(
+        "--estimator",
+        action="store_true",
+        help="write the estimator in C instead, with the design as a table, to run on an ECU",
+    )
     p.add_argument("--force", action="store_true", help="overwrite files that are no kit's, or were edited")
 
 

@@ -1,5 +1,6 @@
 """`wrcd kit --estimator`: the estimator in C with a design as its table, and what the reference makes of a track."""
 
+import math
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import fields
@@ -9,7 +10,7 @@ import numpy as np
 
 import wrcd.estimator
 from wrcd import __version__
-from wrcd.estimator.design import FORMAT, Design
+from wrcd.estimator.design import COLUMNS, FORMAT, INPUTS, MODELS, PAIR_FEATURES, PAIR_STATES, Design
 from wrcd.estimator.estimator import Estimator, step_through
 from wrcd.estimator.records import Estimate
 from wrcd.estimator.table import members
@@ -64,15 +65,16 @@ def operations(design: Design, axles: int) -> Mapping[str, str]:
     That is: samples left out, new matrices, the rules asked for the memory and an estimate, the pairs judged.
     """
     s, rules = design.states, len(design.rules)
-    bank = 4 * (s + 2) * (s + 4)
-    filters = 5 * (8 * len(design.lowpass) + len(design.highpass)) + 60  # and the window's sums
+    bank = MODELS * (s + 2) * (s + 4)
+    filters = 5 * (8 * len(design.lowpass) + len(design.highpass)) + 8 * 6 + 60  # and the gate, the window's sums
     pair = 2 * 3 * 5 + 2 * 3 * 16 // 2
-    asked = 9 * 60 + 6 * rules + 64 * 56 + 2 * 27  # sums, rules, of which 64 at most hold at once
+    # the window's sums, the rules, of which two sets of each input hold at once, and what those say
+    asked = 9 * 60 + INPUTS * rules + 2**INPUTS * 2 * (COLUMNS + 1) + 2 * COLUMNS
     hidden = 0 if design.health is None else len(design.health.hidden_bias)
-    matrices = 2 * (2 * 4 * (s * s + 4 * s + 4) + 4 * 4 * (s + 2))
+    matrices = 2 * MODELS * (2 * (s * s + 4 * s + 4) + 4 * (s + 2))
     usual = bank + axles * (bank + filters + (pair if hidden else 0))
-    most = usual + matrices + axles * (bank + 2 * 2 * asked + (170 + 8) * hidden)
-    return {"USUAL": str(usual), "MOST": str(most)}
+    most = usual + matrices + axles * (bank + 2 * 2 * asked + (PAIR_FEATURES + len(PAIR_STATES)) * hidden)
+    return {"USUAL": f"{math.ceil(usual / 100)}00", "MOST": f"{math.ceil(most / 100)}00"}
 
 
 def _vectors(design: Design, axles: int) -> dict[str, str]:

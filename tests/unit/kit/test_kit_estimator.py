@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from tests.support.kit.building import COMPILERS, make, needs_compiler, run_make, written
 from tests.support.kit.trains import odd_train
+from tests.support.page_commands import run_by
 from tests.support.pages import ROOT
 from wrcd import __version__
 from wrcd.config.config import load_config
@@ -22,7 +23,8 @@ from wrcd.kit.design_table import DesignTable
 from wrcd.kit.estimator import MADE, SOURCES, files_of
 from wrcd.kit.write_kit import estimator_kit
 
-ARM = ("CC=arm-linux-gnueabihf-gcc", "LDFLAGS=-static", "RUN=qemu-arm")
+PAGE = "docs/how-to/run-on-an-ecu.md"
+HAS_ARM = shutil.which("arm-linux-gnueabihf-gcc") and shutil.which("qemu-arm")
 SAYS = re.compile(r"800 ticks of (\d) axles, 32 estimates, largest difference (\S+): as the reference\n")
 STACK = re.compile(r"^stack (\d+) bytes; it may be 49152$", re.MULTILINE)
 
@@ -87,9 +89,28 @@ def test_sanitizers_find_nothing(copied: Path) -> None:
     assert SAYS.search(make(copied, "sanitize"))
 
 
-@pytest.mark.skipif(not (shutil.which(ARM[0][3:]) and shutil.which(ARM[2][4:])), reason="no compiler or qemu for Arm")
+@pytest.mark.skipif(not HAS_ARM, reason="there is no compiler or no qemu for Arm")
 def test_estimator_says_the_same_on_a_32_bit_arm(copied: Path) -> None:
-    judge(make(copied, "-B", *ARM), axles=4)
+    (step,) = run_by("tests/unit/kit/test_kit_estimator.py", "docs/how-to/run-on-an-ecu.md")
+    (command,) = step.commands
+    judge(make(copied, *command.removeprefix("make -C estimator ").split()), axles=4)
+
+
+@needs_compiler
+def test_page_says_what_it_takes(built: tuple[Path, str]) -> None:
+    page = (ROOT / PAGE).read_text()
+    shown = re.search(r"^```text\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+    assert shown
+
+    def lasting(said: str) -> list[str]:  # not times, stack and difference
+        lines = [line for line in said.splitlines() if not line.startswith(("make", "cc", "./", "a tick", "stack"))]
+        return [line.split(", largest")[0] for line in lines]
+
+    assert lasting(built[1]) == lasting(shown[1])
+    state, table = re.findall(r"(?:state|table) (\d+) bytes", built[1])
+    usual, most = re.findall(r"about (\d+)", (built[0] / "README.md").read_text())
+    for row in (f"| state | {state} bytes", f"| table | {table} bytes", f"| {usual} for all axles, {most} at most"):
+        assert row in page
 
 
 @needs_compiler
