@@ -28,8 +28,7 @@ COMMAND = Subcommand(
     "kit",
     "a receiver in C of the Adhesion frames, or the estimator in C, with their tests",
     (
-        ("wrcd kit -o receiver", "of the packaged DBC; make -C receiver tests it"),
-        ("wrcd kit --config train.toml -o receiver", "of a train's own DBC: its names, ids and scales"),
+        ("wrcd kit --config train.toml -o receiver", "of a train's own DBC; make -C receiver tests it"),
         ("wrcd kit --estimator -o estimator", "the estimator itself, to run on an ECU"),
     ),
     _add,
