@@ -49,6 +49,8 @@ def test_replay_works_from_the_installed_wheel(installed: Path, log_of: LogOf, t
 def test_kit_is_written_from_the_installed_wheel(installed: Path, tmp_path: Path) -> None:
     run(installed, WRCD, "kit", "-o", str(tmp_path / "kit"))
     assert (tmp_path / "kit" / "adhesion.c").stat().st_size > 10_000
+    run(installed, WRCD, "kit", "--estimator", "-o", str(tmp_path / "estimator"))
+    assert (tmp_path / "estimator" / "design.c").stat().st_size > 100_000
 
 
 def test_wheel_contains_the_rig(installed: Path) -> None:

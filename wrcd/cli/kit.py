@@ -10,21 +10,26 @@ from wrcd.cli.program import Subcommand
 def _add(p: argparse.ArgumentParser) -> None:
     p.add_argument("-o", "--output", type=Path, metavar="DIR", required=True, help="the folder to write it to")
     add_config(p)
+    p.add_argument(
+        "--estimator",
+        action="store_true",
+        help="write the estimator in C instead, with the design as a table, to run on an ECU",
+    )
     p.add_argument("--force", action="store_true", help="overwrite files that are no kit's, or were edited")
 
 
 def _run(args: argparse.Namespace) -> int:
-    from wrcd.kit.write_kit import kit
+    from wrcd.kit.write_kit import estimator_kit, kit
 
-    return kit(args.output, args.config, args.force)
+    return (estimator_kit if args.estimator else kit)(args.output, args.config, args.force)
 
 
 COMMAND = Subcommand(
     "kit",
-    "a receiver in C of the Adhesion frames, with its tests and a field table",
+    "a receiver in C of the Adhesion frames, or the estimator in C, with their tests",
     (
-        ("wrcd kit -o receiver", "of the packaged DBC; make -C receiver tests it"),
-        ("wrcd kit --config train.toml -o receiver", "of a train's own DBC: its names, ids and scales"),
+        ("wrcd kit --config train.toml -o receiver", "of a train's own DBC; make -C receiver tests it"),
+        ("wrcd kit --estimator -o estimator", "the estimator itself, to run on an ECU"),
     ),
     _add,
     _run,

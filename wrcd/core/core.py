@@ -13,12 +13,11 @@ silence and step leave the same behind them, and whoever cannot tell them apart,
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from wrcd.bus.batch import Records, frames_of
-from wrcd.bus.codec import MessageReader, Receiver, Sample, Value
+from wrcd.bus.codec import Receiver, Sample, Value
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
 from wrcd.core.advice import NO_ADVICE, Adviser
@@ -30,8 +29,8 @@ from wrcd.core.details import Details
 from wrcd.core.events import Events
 from wrcd.core.front import Front
 from wrcd.core.input_buffers import NEVER
-from wrcd.core.lane import NOTE, SLOT, FastLane, fits
 from wrcd.core.inputs import YAW, Inputs, TickInputs
+from wrcd.core.lane import NOTE, SLOT, FastLane, fits
 from wrcd.core.messages import NAMES, Outbox, Outgoing, Report
 from wrcd.core.slot import Slot, SlotReports, frames, reports
 from wrcd.core.validity import Backoff, ValidityMonitor, tick_causes

@@ -289,7 +289,9 @@ class FastLane:
         out, count = [], int(self._k["out_slots"])
         for slot in self._slots[max(count - 1, 0) if newest_alone else 0 : count]:
             end_us = int(slot["end_us"])
-            adhesion = [int(s["axle"]) for s in self._sent[: self._adhesions] if end_us % s["cycle_us"] < self._k["period_us"]]
+            adhesion = [
+                int(s["axle"]) for s in self._sent[: self._adhesions] if end_us % s["cycle_us"] < self._k["period_us"]
+            ]
             told = [_report(of_axle) for of_axle in slot["told"][: self._n].tolist()]
             out.append(SlotReports(told, adhesion, below_min_speed=False))
         self._k["out_slots"] = 0
@@ -379,7 +381,10 @@ def _sent_by(outbox: Outbox) -> tuple[Any, Any, int]:
     written = [(group, axle, w) for group, of in groups.items() for axle, w in enumerate(of) if w is not None]
     if any(w.order is None or w.fd or w.length > 8 for _, _, w in written):
         return np.zeros(0, dtype=_SENT), np.zeros(0, dtype=_FIELD), 0
-    sent, fields = np.zeros(len(written), dtype=_SENT), np.zeros(sum(len(w.writers) for _, _, w in written), dtype=_FIELD)
+    sent, fields = (
+        np.zeros(len(written), dtype=_SENT),
+        np.zeros(sum(len(w.writers) for _, _, w in written), dtype=_FIELD),
+    )
     first = 0
     for s, (group, axle, w) in zip(sent, written, strict=True):
         s["start"], s["cycle_us"], s["axle"], s["length"] = w.start, w.cycle_us, axle, w.length

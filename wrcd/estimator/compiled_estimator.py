@@ -10,12 +10,12 @@ from typing import Any, cast
 import numpy as np
 
 from wrcd.estimator.design import CHANNELS, COLUMNS, MODELS, Design, FloatArray, IntArray
+from wrcd.estimator.design_members import IN_PLACE, Member, OverSpeed, members
 from wrcd.estimator.estimator import Estimator
 from wrcd.estimator.paper.bank import BoolArray
 from wrcd.estimator.paper.window import COLUMNS as SUMS
 from wrcd.estimator.records import Estimate, StepResult, Tick, Ticks
 from wrcd.estimator.signals.gate import Outliers
-from wrcd.estimator.design_members import Member, OverSpeed, members
 from wrcd.estimator.trust.health import HealthFigures
 from wrcd.estimator.trust.pair import BANDS
 
@@ -283,7 +283,7 @@ def _member(name: str, value: Member, keeps: list[object]) -> tuple[Any, Any]:
     if isinstance(value, tuple):
         return ctypes.c_void_p * len(value), (ctypes.c_void_p * len(value))(*map(pointed, value))
     if isinstance(value, np.ndarray):
-        if name in ("noise_rms", "sets"):  # short: in the table itself
+        if name in IN_PLACE:
             kind: Any = (ctypes.c_int if value.dtype == np.int32 else ctypes.c_double) * len(value)
             return kind, kind(*value.tolist())
         return ctypes.c_void_p, pointed(value)

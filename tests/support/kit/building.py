@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from wrcd.kit.write_kit import kit
+from wrcd.kit.write_kit import estimator_kit, kit
 
 HERE = Path(__file__).parent
 WARNINGS = ("-std=c11", "-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-Wpedantic", "-Werror")
@@ -16,20 +16,25 @@ COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)]
 needs_compiler = pytest.mark.skipif(not COMPILERS, reason="there is no C compiler")
 
 
-def written(folder: Path, config_file: Path | None = None) -> Path:
+def written(folder: Path, config_file: Path | None = None, *, estimator: bool = False) -> Path:
     """The folder, with a kit in it."""
-    kit(folder, config_file, False)
+    (estimator_kit if estimator else kit)(folder, config_file, False)
     return folder
 
 
 def make(folder: Path, *words: str) -> str:
-    """Run make there, and return what it says; it must say nothing on standard error."""
-    apart = {name: value for name, value in os.environ.items() if not name.startswith("MAKE")}  # from one that runs us
-    done = subprocess.run(
-        ["make", "-C", folder, *words], env=apart, capture_output=True, text=True, timeout=120, check=False
-    )
+    """Run make there, and return what it says; it must succeed, and say nothing on standard error."""
+    done = run_make(folder, *words)
     assert (done.returncode, done.stderr) == (0, ""), done.stdout + done.stderr
     return done.stdout
+
+
+def run_make(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    """Run make there, however it ends."""
+    apart = {name: value for name, value in os.environ.items() if not name.startswith("MAKE")}  # from one that runs us
+    return subprocess.run(
+        ["make", "-C", folder, *words], env=apart, capture_output=True, text=True, timeout=120, check=False
+    )
 
 
 def build(folder: Path, program: str) -> Path:

@@ -8,7 +8,6 @@ import pytest
 
 from tests.support.sensor_simulator import MS, SensorSimulator, until_ms, validities
 from wrcd.bus.reasons import Reason
-from wrcd.bus.units import Quantity
 from wrcd.core.plausibility import MAX_SHARE, STUCK, JumpCheck, StuckCheck
 
 SPIKE = 5_000_000  # 5 rad/s

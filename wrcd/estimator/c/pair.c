@@ -273,7 +273,7 @@ static bool likely_sound(const wrcd_axle *a)
 void wrcd_health_look(wrcd_estimator *e, const wrcd_design *d, const double inputs[][WRCD_COLUMNS], const double *ratio)
 {
     const int axles = (int)e->axles;
-    bool known[WRCD_MAX_AXLES], sound[WRCD_MAX_AXLES];
+    bool known[WRCD_MAX_AXLES] = {false}, sound[WRCD_MAX_AXLES] = {false};
     double x[WRCD_PAIR_FEATURES];
 
     for (int axle = 0; axle < axles; axle++) {

@@ -30,7 +30,7 @@ extern "C" {
 enum {
     WRCD_ABI = 1, /* of everything in this header */
     WRCD_MAX_AXLES = 8,
-    WRCD_MAX_BOGIES = WRCD_MAX_AXLES / 2,
+    WRCD_MAX_BOGIES = (WRCD_MAX_AXLES + 1) / 2,
     WRCD_MODELS = 4,
     WRCD_CHANNELS = 2, /* yaw rate in rad/s, lateral acceleration in m/s2 */
     WRCD_MAX_STATES = 16,
