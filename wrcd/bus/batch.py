@@ -31,7 +31,7 @@ def records_of(frames: Sequence[Frame]) -> Records:
 
 def frames_of(records: Records) -> Iterator[Frame]:
     """The frames of records."""
-    for stamp_us, word, length, _, _, data in _LAYOUT.iter_unpack(np.ascontiguousarray(records)):
+    for stamp_us, word, length, _, _, data in _LAYOUT.iter_unpack(records.tobytes()):
         if word <= 0x7FF:  # almost always
             yield Frame(stamp_us, word, data[:length])
         else:

@@ -30,7 +30,7 @@ from wrcd.core.events import Events
 from wrcd.core.front import Front
 from wrcd.core.input_buffers import NEVER
 from wrcd.core.inputs import YAW, Inputs, TickInputs
-from wrcd.core.lane import NOTE, SLOT, FastLane, fits
+from wrcd.core.lane import DUE, NOTE, FastLane, fits
 from wrcd.core.messages import NAMES, Outbox, Outgoing, Report
 from wrcd.core.slot import Slot, SlotReports, frames, reports
 from wrcd.core.validity import Backoff, ValidityMonitor, tick_causes
@@ -180,19 +180,19 @@ class Core:
                 continue
             stop, at = lane.take(records, at)
             out += lane.made()
-            if stop in (SLOT, NOTE):
+            if stop in (DUE, NOTE):
                 out += self._after_tick_of(lane, stop)
         if lane is not None and lane.is_lent:
             lane.report()
         return out
 
     def _after_tick_of(self, lane: FastLane, stop: int) -> list[Outgoing]:
-        """What a tick that the lane has closed leaves to do: to note outliers and resets, and the frames that are due."""
+        """What a tick that the lane has closed leaves to do: outliers and resets to note, frames that are due."""
         self._take_told()
         due, number = lane.due, lane.newest
         if stop == NOTE:
             lane.give_back()
-            self._note_outliers(number, lane.yaw_rate, self.estimator.newest)
+            self._note_outliers(number, lane.yaw_rate, lane.result)
         else:
             lane.report()
         out = [] if not due or self.muted else self._due((number + 1) * self._period_us, due)
@@ -211,10 +211,12 @@ class Core:
             return []
         stamp_us = frame.stamp_us
         out, samples = self._move_to(stamp_us), reader.read(frame)
-        reason = samples if isinstance(samples, Reason) else self._inputs.check(samples, stamp_us)
-        if reason is None:
+        reason: Reason | None
+        if isinstance(samples, Reason):
+            reason = samples
+        elif (reason := self._inputs.check(samples, stamp_us)) is None:
             self._accept(samples, stamp_us)
-        else:
+        if reason is not None:
             self.counts.reject(reader.name, reason)
             self._inputs.reject(reader.concerned(frame, reason), stamp_us, reason)
         return out

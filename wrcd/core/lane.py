@@ -1,7 +1,7 @@
 """The fast lane: from frames to ticks in C (wrcd/core/c/lane.c) while nothing happens.
 
-It borrows the state of a core's inputs, and gives it back before anything is done that it leaves to Python: a frame that
-anything speaks against, a tick that is not sound.
+It borrows the state of a core's inputs, and gives it back before anything is done that it leaves to Python: a frame
+that anything speaks against, a tick that is not sound.
 """
 
 import ctypes
@@ -17,74 +17,26 @@ from wrcd.bus.writers import SignalWriter
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.input_buffers import NEVER
 from wrcd.core.inputs import LAT, QUANTITIES, TORQUE, TRACTION_HELD_US, TickInputs
+from wrcd.core.lane_records import FIELD, LANE, MAX_CYCLES, MAX_WORDS, MESSAGE, PLACE, SENT, SIGNAL, SLOT, TOLD
 from wrcd.core.messages import ROOM, Outbox, Outgoing, Report, nan_to_none
 from wrcd.core.plausibility import MIN_RUN, JumpCheck, StuckCheck
 from wrcd.core.slot import SlotReports
 from wrcd.core.validity import LOAD_SHARES, OF_ESTIMATE, OF_PAIR, RADIUS_SHARES
-from wrcd.core.vocabulary import CONFIDENCES, MESSAGES, SURFACES, words_of
+from wrcd.core.vocabulary import CONFIDENCES, SURFACES, words_of
 from wrcd.estimator.compiled_estimator import CompiledEstimator
 from wrcd.estimator.design import FloatArray
-from wrcd.estimator.records import EstimateDoubt
+from wrcd.estimator.records import EstimateDoubt, StepResult
 from wrcd.estimator.trust.health import PairState
 
 if TYPE_CHECKING:
     from wrcd.core.core import Core
 
-ALL_TAKEN, FRAME, TICK, SLOT, NOTE = range(5)  # why it stopped: enum wrcd_lane_stop
+_, FRAME, TICK, DUE, NOTE = range(5)  # why it stopped: enum wrcd_lane_stop
 FIRST_WAIT, LAST_WAIT = 16, 1024  # frames that Python takes before the lane is tried again
 LONG = 64  # ticks in the lane that make the next wait the first again
 _UNCHECKED, _STUCK, _JUMP = range(3)
-_MAX_CYCLES, _MAX_AXLES = 8, 8
-_I4, _I8, _F8 = np.int32, np.int64, np.float64
 
-_TOLD = [name for message in ("adhesion", "detail", "inputs") for name in MESSAGES[message]]  # enum wrcd_told
-_REPORTED, _MAX_WORDS = len(MESSAGES["adhesion"]) + 2, 32
 _MAX_SLOTS = 64  # that are made without coming back
-
-# As the records of lane.h.
-_MESSAGE = np.dtype(
-    [("word", np.uint32), *((n, _I4) for n in (
-        "length", "is_big_endian", "is_plain", "is_protected", "is_suspicious", "first_signal", "signals", "first_ok", "oks"
-    )), ("status_bits", np.uint64), ("last_us", _I8), ("frames", _I8), ("last", _I4), ("crc_start", _I4),
-     ("payload", np.uint8, 8)], align=True,
-)  # fmt: skip
-_SIGNAL = np.dtype(
-    [("mask", np.uint64), ("sign", np.uint64),
-     *((n, _F8) for n in ("scale", "offset", "factor", "low", "high", "first_end", "last_end")),
-     *((n, _I4) for n in ("shift", "quantity", "first_place", "places", "check", "run")),
-     *((n, _F8) for n in ("value", "share", "frames", "max_step")), ("changed_us", _I8), ("timeout_us", _I8)], align=True,
-)  # fmt: skip
-_PLACE = np.dtype(
-    [*((n, _I8) for n in ("timeout_us", "stamp_us", "used_us", "reach_until_us", "traction_us")), ("value", _F8),
-     ("waiting", _F8, 2), ("waiting_us", _I8, 2), *((n, _I4) for n in ("is_mapped", "waits", "surplus_ticks", "reach"))],
-    align=True,
-)  # fmt: skip
-_SENT = np.dtype(
-    [("start", np.uint64), ("cycle_us", _I8), ("word", np.uint32), *((n, _I4) for n in (
-        "axle", "length", "is_big_endian", "is_protected", "crc_start", "first_field", "fields"
-    ))], align=True,
-)  # fmt: skip
-_FIELD = np.dtype(
-    [("mask", np.uint64), ("word_bits", np.uint64, _MAX_WORDS),
-     *((n, _F8) for n in ("factor", "low", "high", "scale", "offset")),
-     *((n, _I8) for n in ("lowest", "highest", "not_available")),
-     *((n, _I4) for n in ("told", "shift", "is_word", "rounds", "is_rounded_down"))], align=True,
-)  # fmt: skip
-_SLOT = np.dtype([("end_us", _I8), ("told", _F8, (_MAX_AXLES, _REPORTED))], align=True)
-_LANE = np.dtype(
-    [*((n, _I8) for n in ("period_us", "open", "begin_us", "end_us", "stamp_us", "silence_us", "forward_us", "backward_us")),
-     ("cycle_us", _I8, _MAX_CYCLES),
-     *((n, _F8) for n in ("min_speed_m_s", "speed_low", "speed_high", "load_N", "radius_m", "dead_Nm", "against_Nm")),
-     ("shares", _F8, 4), ("traction_held_us", _I8), ("accepted", _I8), ("ticks", _I8), ("torque_ratio", _F8, _MAX_AXLES),
-     ("z", _F8, 2 * _MAX_AXLES), ("surface_pct", _F8, _MAX_WORDS), ("confidence_pp", _F8, _MAX_WORDS), ("room", _F8),
-     *((n, _I8, _MAX_AXLES) for n in ("sound_ticks", "outlier_us", "inputs_cycle_us")), ("rejected_until_us", _I8),
-     *((n, _I4, _MAX_AXLES) for n in ("confidence", "cause", "standing")), ("of_pair", _I4, len(PairState)),
-     ("of_doubt", _I4, len(EstimateDoubt)), ("contradiction", _I4), ("too_little_data", _I4),
-     *((n, _I4) for n in ("surfaces", "confidences", "sent", "adhesions", "quiet", "out_frames", "out_slots", "window_ticks")),
-     *((n, _I4) for n in (
-       "axles", "messages", "cycles", "patience", "is_reverse", "speed_tells_direction",
-       "torque_sign_counts", "torque_is_total", "ratio_known", "shares_known", "due"))], align=True,
-)  # fmt: skip
 
 
 def fits(core: "Core") -> bool:
@@ -96,7 +48,7 @@ def fits(core: "Core") -> bool:
         and core._front is None
         and all(len(parts) == 1 for parts in inputs._parts)
         and min((t for _, t in inputs._deadlines), default=0) > 0
-        and len(core._outbox.cycles_us) <= _MAX_CYCLES
+        and len(core._outbox.cycles_us) <= MAX_CYCLES
     )
 
 
@@ -106,35 +58,36 @@ class FastLane:
     def __init__(self, core: "Core", limits_us: tuple[int, int, int]) -> None:
         assert isinstance(core.estimator, CompiledEstimator)
         self._core, self._inputs, self._n = core, core._inputs, len(core.config.axles)
+        self._estimator = core.estimator
         self._run = core.estimator.library.wrcd_lane_run
         self.is_lent, self._limits_us = False, limits_us
         self._wait, self._left = FIRST_WAIT, FIRST_WAIT
         self._signals: list[Any] = []
         self._readers = [r for _, r in sorted(core.receiver.readers.items())]
-        self._lane = np.zeros(1, dtype=_LANE)
+        self._lane = np.zeros(1, dtype=LANE)
         self._k = self._lane[0]
-        self._message = np.zeros(len(self._readers), dtype=_MESSAGE)
-        self._signal = np.zeros(max(1, sum(len(r.signals) for r in self._readers)), dtype=_SIGNAL)
-        self._place = np.zeros(len(QUANTITIES) * self._n, dtype=_PLACE)
+        self._message = np.zeros(len(self._readers), dtype=MESSAGE)
+        self._signal = np.zeros(max(1, sum(len(r.signals) for r in self._readers)), dtype=SIGNAL)
+        self._place = np.zeros(len(QUANTITIES) * self._n, dtype=PLACE)
         places: list[int] = []
         oks: list[int] = []
         for m, (key, reader) in zip(self._message, sorted(core.receiver.readers.items()), strict=True):
             self._describe(m, key, reader, places, oks)
-        self._places, self._oks = np.array([*places, 0], dtype=_I4), np.array([*oks, 0], dtype=np.uint64)
+        self._places, self._oks = np.array([*places, 0], dtype=np.int32), np.array([*oks, 0], dtype=np.uint64)
         self._crc_table = np.frombuffer(CRC_TABLE, dtype=np.uint8)
         self._sent, self._fields, self._quiet = _sent_by(core._outbox)
         self._cycles = {int(s["word"]): int(s["cycle_us"]) for s in self._sent}
         self._adhesions = sum(w is not None for w in core._outbox.of_axles["adhesion"])
         self._made = np.zeros(_MAX_SLOTS * max(1, len(self._sent)), dtype=RECORD)
-        self._slots = np.zeros(_MAX_SLOTS, dtype=_SLOT)
+        self._slots = np.zeros(_MAX_SLOTS, dtype=SLOT)
         sizes = [core.estimator.library.wrcd_lane_bytes(of) for of in range(8)]
-        ours = RECORD, _MESSAGE, _SIGNAL, _PLACE, _LANE, _SENT, _FIELD, _SLOT
+        ours = RECORD, MESSAGE, SIGNAL, PLACE, LANE, SENT, FIELD, SLOT
         assert sizes == [x.itemsize for x in ours], f"{sizes} are not {[x.itemsize for x in ours]}"
         tables = (
             self._message, self._signal, self._place, self._places, self._oks, self._crc_table, self._sent,
             self._fields, self._made, self._slots,
         )  # fmt: skip
-        self._tables = np.array([*(t.ctypes.data for t in tables), len(self._made), len(self._slots)], dtype=_I8)
+        self._tables = np.array([*(t.ctypes.data for t in tables), len(self._made), len(self._slots)], dtype=np.int64)
         addresses = (ctypes.c_void_p(t.ctypes.data) for t in (self._lane, self._tables))
         self._arguments = (*addresses, *core.estimator.arguments)
         self._taken = ctypes.c_int64(0)
@@ -217,7 +170,8 @@ class FastLane:
             core._open is None or core._stamp_us == NEVER or core._begin_us == NEVER or True in core._is_reset
             or any(core.events.tick_causes) or any(validity._newest) or any(validity._stale_ticks)
             or not {Cause.STANDSTILL, Cause.INPUT_SILENT}.isdisjoint(validity._begun)
-            or inputs._speed_jumped or not inputs.all_trusted or any(core._backoff.waiting(a, core._open) for a in range(self._n))
+            or inputs._speed_jumped or not inputs.all_trusted
+            or any(core._backoff.waiting(axle, core._open) for axle in range(self._n))
             or any(check.run >= MIN_RUN for check in inputs._stuck_checks.values())
         )  # fmt: skip
 
@@ -280,7 +234,7 @@ class FastLane:
         cycles = self._cycles
         made = self._made[:count]
         return [
-            Outgoing(frame, cycles[frame.key], None, Cause(cause))
+            Outgoing(frame, cycles[frame.key], None, _CAUSES[cause])
             for frame, cause in zip(frames_of(made), made["cause"].tolist(), strict=True)
         ]
 
@@ -301,6 +255,11 @@ class FastLane:
     def newest(self) -> int:
         """The newest tick's number."""
         return int(self._k["open"]) - 1
+
+    @property
+    def result(self) -> StepResult:
+        """What that tick brought."""
+        return self._estimator.newest
 
     @property
     def yaw_rate(self) -> FloatArray:
@@ -363,6 +322,7 @@ class FastLane:
                 reader.checker.follow(int(m["last"]), payload, int(m["last_us"]), int(m["frames"]))
 
 
+_CAUSES = tuple(Cause)
 _SURFACES, _CONTACTS, _LEVELS = (words_of("adhesion", name) for name in ("Surface", "ContactState", "Confidence"))
 
 
@@ -370,20 +330,20 @@ def _report(told: list[float]) -> Report:
     _, mu, used, age, surface, contact, level, cause, short = told
     return Report(
         Validity.DEGRADED if cause else Validity.VALID, nan_to_none(mu), used, int(age), _SURFACES[int(surface)],
-        _CONTACTS[int(contact)], _LEVELS[int(level)], Cause(int(cause)), bool(short),
+        _CONTACTS[int(contact)], _LEVELS[int(level)], _CAUSES[int(cause)], bool(short),
     )  # fmt: skip
 
 
 def _sent_by(outbox: Outbox) -> tuple[Any, Any, int]:
-    """What is sent of the axles while all are Valid: messages, their fields, and a bit for each cycle at which nothing else
-    is due. No messages and no cycles where any is not plain."""
+    """What is sent of the axles: messages, their fields, and a bit for each cycle at which nothing else is due. No
+    messages and no cycles where any is not plain."""
     groups = outbox.of_axles
     written = [(group, axle, w) for group, of in groups.items() for axle, w in enumerate(of) if w is not None]
     if any(w.order is None or w.fd or w.length > 8 for _, _, w in written):
-        return np.zeros(0, dtype=_SENT), np.zeros(0, dtype=_FIELD), 0
+        return np.zeros(0, dtype=SENT), np.zeros(0, dtype=FIELD), 0
     sent, fields = (
-        np.zeros(len(written), dtype=_SENT),
-        np.zeros(sum(len(w.writers) for _, _, w in written), dtype=_FIELD),
+        np.zeros(len(written), dtype=SENT),
+        np.zeros(sum(len(w.writers) for _, _, w in written), dtype=FIELD),
     )
     first = 0
     for s, (group, axle, w) in zip(sent, written, strict=True):
@@ -401,10 +361,10 @@ def _sent_by(outbox: Outbox) -> tuple[Any, Any, int]:
 
 
 def _describe_field(f: Any, group: str, name: str, signal: SignalWriter) -> None:
-    f["told"], f["mask"], f["shift"] = _TOLD.index(name), signal.mask, signal.shift
+    f["told"], f["mask"], f["shift"] = TOLD.index(name), signal.mask, signal.shift
     words = words_of(group, name)
     f["is_word"] = bool(words)
-    for k, word in enumerate(words[:_MAX_WORDS]):
+    for k, word in enumerate(words[:MAX_WORDS]):
         f["word_bits"][k] = (signal.raw(word) & signal.mask) << signal.shift
     f["factor"], f["low"], f["high"], f["scale"], f["offset"] = signal.numbers
     f["lowest"], f["highest"], f["not_available"] = signal.raws

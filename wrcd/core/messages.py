@@ -174,7 +174,7 @@ class Outbox:
 
     @property
     def of_axles(self) -> Mapping[str, Sequence[Writer | None]]:
-        """What is sent of each axle, by its key in the vocabulary and in the order of a slot; without what lies ahead."""
+        """What is sent of each axle, by its key in the vocabulary, in a slot's order; without what lies ahead."""
         return {"adhesion": self._adhesion, "detail": self._detail, "inputs": self._inputs}
 
     @property

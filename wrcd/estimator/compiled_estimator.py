@@ -250,7 +250,9 @@ def _offset(record: np.dtype[Any], name: str) -> int:
 def _record(library: ctypes.CDLL, of: int) -> np.dtype[Any]:
     """One of C's records as numpy's: each field a number or a row of them."""
     listed = library.wrcd_fields(of)
-    names, formats, offsets = [], [], []
+    names: list[str] = []
+    formats: list[Any] = []
+    offsets: list[int] = []
     while (field := listed[len(names)]).name:
         is_flag = of == 3 and field.bytes < 8 * MODELS  # of a result: bytes
         count = field.bytes if is_flag else field.bytes // 8
@@ -268,7 +270,8 @@ def _structure(of: Mapping[str, Member], keeps: list[object]) -> ctypes.Structur
         kind, made = _member(name, value, keeps)
         kinds.append((name, kind))
         values.append(made)
-    return type("Members", (ctypes.Structure,), {"_fields_": kinds})(*values)
+    made: ctypes.Structure = type("Members", (ctypes.Structure,), {"_fields_": kinds})(*values)
+    return made
 
 
 def _member(name: str, value: Member, keeps: list[object]) -> tuple[Any, Any]:

@@ -18,7 +18,7 @@ class OverSpeed(NamedTuple):
     rows: FloatArray
 
 
-Member = float | int | OverSpeed | np.ndarray | tuple[np.ndarray, ...] | Mapping[str, "Member"] | None  # type: ignore[type-arg]
+Member = float | int | OverSpeed | np.ndarray | tuple[np.ndarray, ...] | Mapping[str, "Member"] | None
 IN_PLACE = ("noise_rms", "sets")  # short arrays that stand in the table; of others it has the address
 
 
