@@ -168,6 +168,11 @@ class Core:
         if self._lane is not None:
             self._lane.give_back()
 
+    @property
+    def lane_ticks(self) -> int:
+        """How many ticks were closed in the fast lane."""
+        return 0 if self._lane is None else self._lane.total_ticks
+
     def feed_batch(self, records: Records) -> list[Outgoing]:
         """Take classical frames, as feed() does each: in C while nothing happens."""
         out: list[Outgoing] = []

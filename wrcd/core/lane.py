@@ -60,7 +60,7 @@ class FastLane:
         self._core, self._inputs, self._n = core, core._inputs, len(core.config.axles)
         self._estimator = core.estimator
         self._run = core.estimator.library.wrcd_lane_run
-        self.is_lent, self._limits_us = False, limits_us
+        self.is_lent, self._limits_us, self.total_ticks = False, limits_us, 0
         self._wait, self._left = FIRST_WAIT, FIRST_WAIT
         self._signals: list[Any] = []
         self._readers = [r for _, r in sorted(core.receiver.readers.items())]
@@ -279,6 +279,7 @@ class FastLane:
         core._end_us, core._stamp_us = int(k["end_us"]), int(k["stamp_us"])
         n, ticks = self._n, int(k["ticks"])
         core.counts.ticks += ticks
+        self.total_ticks += ticks
         core.counts.accepted += int(k["accepted"])
         k["ticks"] = k["accepted"] = 0
         core._validity.went_on(ticks)

@@ -262,7 +262,7 @@ def _record(library: ctypes.CDLL, of: int) -> np.dtype[Any]:
     return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": field.offset})
 
 
-def _structure(of: Mapping[str, Member], keeps: list[object]) -> ctypes.Structure:
+def _structure(of: Mapping[str, Member], keeps: list[object]) -> Any:
     """Members as C has them; `keeps` holds what there are only addresses of."""
     kinds: list[tuple[str, Any]] = []
     values: list[Any] = []
@@ -270,8 +270,8 @@ def _structure(of: Mapping[str, Member], keeps: list[object]) -> ctypes.Structur
         kind, made = _member(name, value, keeps)
         kinds.append((name, kind))
         values.append(made)
-    made: ctypes.Structure = type("Members", (ctypes.Structure,), {"_fields_": kinds})(*values)
-    return made
+    structure: Any = type("Members", (ctypes.Structure,), {"_fields_": kinds})(*values)
+    return structure
 
 
 def _member(name: str, value: Member, keeps: list[object]) -> tuple[Any, Any]:
