@@ -188,7 +188,7 @@ class Core:
             if stop in (DUE, NOTE):
                 out += self._after_tick_of(lane, stop)
         if lane is not None and lane.is_lent:
-            lane.report()
+            lane.count()
         return out
 
     def _after_tick_of(self, lane: FastLane, stop: int) -> list[Outgoing]:

@@ -273,7 +273,11 @@ class Inputs:
     @property
     def speed_m_s(self) -> float:
         """The vehicle's speed; NaN before it is known, negative backwards."""
-        return self._value[SPEED * self._axles]
+        return self._value[self._speed_place]
+
+    @speed_m_s.setter
+    def speed_m_s(self, speed_m_s: float) -> None:
+        self._value[self._speed_place] = speed_m_s
 
     @property
     def reverse(self) -> bool:

@@ -16,7 +16,7 @@ from wrcd.bus.readers import MessageReader
 from wrcd.bus.writers import SignalWriter
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.input_buffers import NEVER
-from wrcd.core.inputs import LAT, QUANTITIES, TORQUE, TRACTION_HELD_US, TickInputs
+from wrcd.core.inputs import LAT, QUANTITIES, SPEED, TORQUE, TRACTION_HELD_US, TickInputs
 from wrcd.core.lane_records import FIELD, LANE, MAX_CYCLES, MAX_WORDS, MESSAGE, PLACE, SENT, SIGNAL, SLOT, TOLD
 from wrcd.core.messages import ROOM, Outbox, Outgoing, Report, nan_to_none
 from wrcd.core.plausibility import MIN_RUN, JumpCheck, StuckCheck
@@ -60,15 +60,17 @@ class FastLane:
         self._core, self._inputs, self._n = core, core._inputs, len(core.config.axles)
         self._estimator = core.estimator
         self._run = core.estimator.library.wrcd_lane_run
-        self.is_lent, self._limits_us, self.total_ticks = False, limits_us, 0
+        self.is_lent, self._limits_us, self.total_ticks, self._unseen_ticks = False, limits_us, 0, 0
         self._wait, self._left = FIRST_WAIT, FIRST_WAIT
         self._signals: list[Any] = []
         self._readers = [r for _, r in sorted(core.receiver.readers.items())]
         self._lane = np.zeros(1, dtype=LANE)
         self._k = self._lane[0]
+        self._head = self._lane.view(np.int64)[:8]  # open … out_slots
         self._message = np.zeros(len(self._readers), dtype=MESSAGE)
         self._signal = np.zeros(max(1, sum(len(r.signals) for r in self._readers)), dtype=SIGNAL)
         self._place = np.zeros(len(QUANTITIES) * self._n, dtype=PLACE)
+        self._speed = self._place[SPEED * self._n]
         places: list[int] = []
         oks: list[int] = []
         for m, (key, reader) in zip(self._message, sorted(core.receiver.readers.items()), strict=True):
@@ -225,11 +227,10 @@ class FastLane:
 
     def made(self) -> list[Outgoing]:
         """The frames that were made since the last time."""
-        k = self._k
-        count = int(k["out_frames"])
+        count = int(self._head[6])
         if not count:
             return []
-        k["out_frames"] = 0
+        k, self._head[6] = self._k, 0
         self._core.events.confidences = [_LEVELS[level] for level in k["confidence"][: self._n].tolist()]
         cycles = self._cycles
         made = self._made[:count]
@@ -272,17 +273,23 @@ class FastLane:
         due = int(self._k["due"])
         return tuple([cycle_us for k, cycle_us in enumerate(self._core._outbox.cycles_us) if due >> k & 1])
 
-    def report(self) -> None:
-        """Show the core what it tells of its inputs."""
-        core, inputs, k, p = self._core, self._inputs, self._k, self._place
-        core._open, core._begin_us = int(k["open"]), int(k["begin_us"])
-        core._end_us, core._stamp_us = int(k["end_us"]), int(k["stamp_us"])
-        n, ticks = self._n, int(k["ticks"])
+    def count(self) -> None:
+        """Show the core how far it has come, and the speed."""
+        core = self._core
+        core._open, core._begin_us, core._end_us, core._stamp_us, ticks, accepted, _, _ = self._head.tolist()
         core.counts.ticks += ticks
+        core.counts.accepted += accepted
         self.total_ticks += ticks
-        core.counts.accepted += int(k["accepted"])
-        k["ticks"] = k["accepted"] = 0
-        core._validity.went_on(ticks)
+        self._unseen_ticks += ticks
+        self._head[4:6] = 0
+        self._inputs.speed_m_s = float(self._speed["value"])
+
+    def report(self) -> None:
+        """Show the core all that it tells of its inputs."""
+        self.count()
+        core, inputs, k, p, n = self._core, self._inputs, self._k, self._place, self._n
+        core._validity.went_on(self._unseen_ticks)
+        self._unseen_ticks = 0
         for axle in range(n):
             if core._validity.window_full[axle]:
                 core._backoff.recovered(axle)

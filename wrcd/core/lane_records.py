@@ -53,16 +53,17 @@ FIELD = np.dtype(
 SLOT = np.dtype([*_fields(_I8, "end_us"), *_fields(_F8, "told", MAX_AXLES, REPORTED)], align=True)
 LANE = np.dtype(
     [
-        *_fields(_I8, "period_us open begin_us end_us stamp_us silence_us forward_us backward_us"),
+        *_fields(_I8, "open begin_us end_us stamp_us ticks accepted out_frames out_slots"),
+        *_fields(_I8, "period_us silence_us forward_us backward_us"),
         *_fields(_I8, "cycle_us", MAX_CYCLES),
         *_fields(_F8, "min_speed_m_s speed_low speed_high load_N radius_m dead_Nm against_Nm"),
-        *_fields(_F8, "shares", 4), *_fields(_I8, "traction_held_us accepted ticks"),
+        *_fields(_F8, "shares", 4), *_fields(_I8, "traction_held_us"),
         *_fields(_F8, "torque_ratio", MAX_AXLES), *_fields(_F8, "z", 2 * MAX_AXLES),
         *_fields(_F8, "surface_pct confidence_pp", MAX_WORDS), *_fields(_F8, "room"),
         *_fields(_I8, "sound_ticks outlier_us inputs_cycle_us", MAX_AXLES), *_fields(_I8, "rejected_until_us"),
         *_fields(_I4, "confidence cause standing", MAX_AXLES), *_fields(_I4, "of_pair", len(PairState)),
         *_fields(_I4, "of_doubt", len(EstimateDoubt)), *_fields(_I4, "contradiction too_little_data"),
-        *_fields(_I4, "surfaces confidences sent adhesions quiet out_frames out_slots window_ticks"),
+        *_fields(_I4, "surfaces confidences sent adhesions quiet window_ticks"),
         *_fields(_I4, "axles messages cycles patience is_reverse speed_tells_direction"),
         *_fields(_I4, "torque_sign_counts torque_is_total ratio_known shares_known due"),
     ], align=True,

@@ -76,18 +76,19 @@ typedef struct {
 } wrcd_lane_place;
 
 typedef struct {
-    int64_t period_us, open, begin_us, end_us, stamp_us; /* of the open tick; stamp: the newest taken */
-    int64_t silence_us, forward_step_us, backward_step_us;
+    int64_t open, begin_us, end_us, stamp_us; /* the open tick; stamp: the newest taken */
+    int64_t ticks, accepted, out_frames, out_slots;
+    int64_t period_us, silence_us, forward_step_us, backward_step_us;
     int64_t cycle_us[WRCD_MAX_CYCLES];
     double min_speed_m_s, speed_low_m_s, speed_high_m_s, load_N, radius_m, dead_Nm, against_Nm, shares[4];
-    int64_t traction_held_us, accepted, ticks;
+    int64_t traction_held_us;
     double torque_ratio[WRCD_MAX_AXLES], z[WRCD_CHANNELS * WRCD_MAX_AXLES]; /* of the newest tick */
     double surface_pct[WRCD_MAX_WORDS], confidence_pp[WRCD_MAX_WORDS], room; /* limits, as the vocabulary has them */
     int64_t sound_ticks[WRCD_MAX_AXLES], outlier_us[WRCD_MAX_AXLES], inputs_cycle_us[WRCD_MAX_AXLES];
     int64_t rejected_until_us; /* up to here it is told that a frame was refused */
     int32_t confidence[WRCD_MAX_AXLES], cause[WRCD_MAX_AXLES], standing[WRCD_MAX_AXLES]; /* of the newest slot */
     int32_t of_pair[WRCD_PAIR_STATES], of_doubt[WRCD_GAPS + 1], contradiction, too_little_data; /* causes */
-    int32_t surfaces, confidences, sent, adhesions, quiet /* cycles */, out_frames, out_slots, window_ticks;
+    int32_t surfaces, confidences, sent, adhesions, quiet /* cycles */, window_ticks;
     int32_t axles, messages, cycles, patience, is_reverse, speed_tells_direction;
     int32_t torque_sign_counts, torque_is_total, ratio_known, shares_known, due;
 } wrcd_lane;
