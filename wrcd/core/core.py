@@ -136,6 +136,21 @@ class Core:
         """Begin of the open tick: every tick before it is closed. None before the first frame."""
         return None if self._open is None else self._open * self._period_us
 
+    @property
+    def newest_us(self) -> int:
+        """Newest stamp of a mapped frame; long ago before the first."""
+        return self._stamp_us
+
+    @property
+    def next_slot_us(self) -> int:
+        """The first end of a tick not closed yet with which frames are due; long ago before the first frame."""
+        if self._open is None:
+            return NEVER
+        period_us = self._period_us
+        begin_us = self._open * period_us
+        begins = ((begin_us // cycle_us + 1) * cycle_us for cycle_us in self._outbox.cycles_us)
+        return min(-(-slot_us // period_us) * period_us for slot_us in begins)
+
     def take_reports(self) -> list[SlotReports]:
         """The reports of each slot since the last call; from the first call on they are kept."""
         reports, self._slot_reports = self._slot_reports or [], []

@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from wrcd.bus.batch import Batch
 from wrcd.bus.frame import Frame
 from wrcd.core.causes import Validity
 from wrcd.core.configuration import RecorderConfig
@@ -114,11 +115,10 @@ class Recorder:
         self._name = ""
         self._said = ""
 
-    def received(self, frames: Sequence[Frame]) -> None:
+    def received(self, frames: Batch | Sequence[Frame]) -> None:
         """What the link handed over in this turn, before it is fed."""
         self._note_health()  # the link may have learnt of losses on the way
-        for frame in frames:
-            self._ring.put_frame(RECEIVED, frame)
+        self._ring.put_frames(RECEIVED, frames)
 
     def sent(self, frame: Frame) -> None:
         """A frame that went out."""

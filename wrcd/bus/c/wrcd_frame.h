@@ -1,0 +1,20 @@
+/* A classical CAN frame as it lies in memory between the socket and the core; wrcd/bus/batch.py has the same. */
+#ifndef WRCD_FRAME_H
+#define WRCD_FRAME_H
+
+#include <stdint.h>
+
+enum { WRCD_CONFIRM = 1, /* one of ours has left */ WRCD_UNSTAMPED = 2 /* the kernel gave no time stamp */ };
+
+typedef struct {
+    int64_t stamp_us; /* since 1970, truncated */
+    uint32_t word;    /* the id, and the kernel's CAN_EFF_FLAG, CAN_RTR_FLAG, CAN_ERR_FLAG */
+    uint8_t length;   /* of a remote frame what it asks for */
+    uint8_t flags;
+    uint16_t reserved; /* 0 */
+    uint8_t data[8];   /* 0 behind the length */
+} wrcd_frame;
+
+_Static_assert(sizeof(wrcd_frame) == 24, "a record of the recorder's ring, too");
+
+#endif
