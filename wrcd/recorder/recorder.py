@@ -9,7 +9,7 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from wrcd.bus.batch import Batch
@@ -17,6 +17,7 @@ from wrcd.bus.frame import Frame
 from wrcd.core.causes import Validity
 from wrcd.core.configuration import RecorderConfig
 from wrcd.core.core import Core
+from wrcd.core.counts import Health
 from wrcd.core.events import COLUMNS, MAX_KEPT, csv_line
 from wrcd.core.messages import Report
 from wrcd.recorder.dump_folder import Bound, dump_name, safe_channel_name
@@ -100,7 +101,7 @@ class Recorder:
         data_bytes = FD_BYTES if core.receiver.fd else CLASSICAL_BYTES
         self._ring = Ring(math.ceil(config.seconds * (1 + 1 / SNAPSHOTS) * frames_per_s), data_bytes)
         self._snapshots: deque[Snapshot] = deque(maxlen=SNAPSHOTS + 1)
-        self._health = capture(core.health)
+        self._health = _copied(core.health)
         self._healths: deque[tuple[int, dict[str, Any]]] = deque()  # by position, from the oldest snapshot on: changes
         self._changes: deque[tuple[int, str]] = deque(maxlen=MAX_KEPT)  # of Validity, by position as rows
         self._changes_told = core.events.total
@@ -152,10 +153,10 @@ class Recorder:
 
     def _note_health(self) -> None:
         """What the core reports of the loop and the link does not come from frames: a replay needs it."""
-        health = capture(self._core.health)
+        health = self._core.health
         if health != self._health:
-            self._health = health
-            self._healths.append((self._ring.end, health))
+            self._health = _copied(health)
+            self._healths.append((self._ring.end, capture(health)))
             self._ring.put(HEALTH, 0)
 
     def _note_changes(self) -> None:
@@ -253,6 +254,10 @@ class Recorder:
             self._report(self._child.wait(end - time.monotonic(), alive))
             self._child = None
         self._ring.close()
+
+
+def _copied(health: Health) -> Health:
+    return replace(health, link=replace(health.link))
 
 
 def _bound(config: RecorderConfig) -> Bound:

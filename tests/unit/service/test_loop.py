@@ -2,6 +2,7 @@
 
 import gc
 import os
+import random
 import signal
 import socket
 import time
@@ -60,6 +61,45 @@ def test_silent_bus_gets_every_adhesion_frame(setup: Setup) -> None:
     slots = [f.stamp_us // 20_000 for f in frames]
     assert slots == list(range(slots[0], slots[0] + len(slots)))
     assert setup.sim.core.health.overruns == 0
+
+
+@pytest.mark.parametrize(("phase_us", "turns_per_slot"), [(300, 1), (3_000, 2), (4_900, 2)])
+def test_loop_turns_once_a_slot_and_once_more_where_its_last_tick_is_open(
+    setup: Setup, phase_us: int, turns_per_slot: int
+) -> None:
+    """On a bus whose sensors send so long after each tick's begin."""
+    setup.link.waiting = sensor_frames(setup, phase_us, 1_200_000)
+    setup.run(200_000)
+    assert setup.run(800_000) == pytest.approx(40 * turns_per_slot, abs=1)
+    assert setup.sim.core.health.overruns == 0
+
+
+@pytest.mark.parametrize("phase_us", [300, 1_700, 3_000, 4_900])
+def test_adhesion_frame_leaves_with_the_first_tick_that_could_close_its_slot(setup: Setup, phase_us: int) -> None:
+    """As if the loop turned at every tick: where a frame of a later tick has come, or none in two ticks."""
+    rng = random.Random(phase_us)
+    begins = [at_us + rng.randrange(20_000) for at_us in range(0, 6_000_000, 100_000)]
+    gaps = [(at_us, at_us + rng.randrange(60_000)) for at_us in begins]
+    begin = setup.sim.t
+    every = sensor_frames(setup, phase_us, 6_000_000)
+    kept = [f for f in every if not any(a <= f.stamp_us - begin < b for a, b in gaps)]
+    stamps = sorted({f.stamp_us for f in kept})
+    left: dict[int, int] = {}
+    send = setup.link.send
+    setup.link.send = lambda f: left.setdefault(f.stamp_us, setup.now) > 0 and send(f)  # type: ignore[method-assign]
+    setup.link.waiting = kept
+    setup.run(5_900_000)
+    assert len(left) > 280
+    for slot, at in list(left.items())[3:]:
+        looks = (slot + 1_000 + tick * 5_000 for tick in range(4))
+        assert at == next(
+            t for t in looks if any(slot <= s <= t for s in stamps) or not any(t - 10_000 < s <= t for s in stamps)
+        )
+
+
+def sensor_frames(setup: Setup, phase_us: int, us: int) -> list[Frame]:
+    every = [f for _ in range(us // 5_000) for f in setup.sim.frames()]
+    return [replace(f, stamp_us=f.stamp_us - 1_000 + phase_us) for f in every]  # they come 1 ms after each tick's begin
 
 
 def test_late_loop_skips_its_slots_and_counts_overruns(setup: Setup) -> None:
