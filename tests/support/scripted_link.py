@@ -8,6 +8,7 @@ class ScriptedLink(Link):
     """A link that hands over the frames a test puts into `waiting`, each at its time stamp, and keeps what is sent."""
 
     name = "test"
+    stamps_arrivals = True
 
     def __init__(self) -> None:
         self.health = LinkHealth()

@@ -43,6 +43,7 @@ class Link(Protocol):
 
     name: str
     health: LinkHealth
+    stamps_arrivals: bool = False  # whether stamps tell when frames came, or perhaps when they were fetched
 
     def receive(self, now_us: int) -> list[Frame]:
         """What is there, oldest first, MAX_FRAMES at the most. now_us serves re-opening, and stamps where the interface

@@ -60,6 +60,8 @@ class SocketCanLink(Link):
     the same socket. fd: CAN FD frames are wanted, too. confirm False: nothing is known of what has left, and no frame
     waits for those before it: a rig's sensors do not wait for each other."""
 
+    stamps_arrivals = True
+
     def __init__(self, channel: str, keys: tuple[int, ...] | None, fd: bool = False, confirm: bool = True) -> None:
         self.name = f"socketcan:{channel}"
         self.health = LinkHealth()

@@ -19,8 +19,8 @@ from wrcd.service.reload import Reload
 from wrcd.service.reload_request import answer
 
 # The loop turns this long after the end of a tick with which frames are due, when its last frames have usually come in;
-# then at every tick until that one is closed. Between slots it sleeps, for so long at the most: a kernel's default
-# buffer holds the frames of a full bus.
+# then at every tick until that one is closed. Between slots it pauses, for so long at the most: a kernel's default
+# buffer holds the frames of a full bus. Where a link may stamp frames as they are fetched, it turns at every tick.
 SETTLE_US = 1_000
 MAX_PAUSE_US = 20_000
 # A tick is closed when a frame of a later one arrives. The clock closes it only on a silent bus: after so many ticks
@@ -153,7 +153,8 @@ class Daemon:
     def _next_turn(self) -> tuple[int, int]:
         """When the next turn is due, and how many ticks it is away."""
         tick = self._clock() // self._period_us
-        until_us = min(self.core.next_slot_us, tick * self._period_us + MAX_PAUSE_US) if self.link.health.up else 0
+        may_pause = self.link.health.up and self.link.stamps_arrivals
+        until_us = min(self.core.next_slot_us, tick * self._period_us + MAX_PAUSE_US) if may_pause else 0
         ticks = max(until_us // self._period_us - tick, 1)
         return (tick + ticks) * self._period_us + SETTLE_US, ticks
 

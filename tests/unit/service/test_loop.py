@@ -16,6 +16,7 @@ from tests.support.can_ids import ADHESION_A1
 from tests.support.scripted_link import ScriptedLink
 from tests.support.sensor_simulator import SensorSimulator
 from wrcd.bus.frame import Frame
+from wrcd.bus.link import LinkState
 from wrcd.config.config import DEFAULT
 from wrcd.core.configuration import Config, RecorderConfig
 from wrcd.recorder.recorder import Recorder
@@ -74,8 +75,19 @@ def test_loop_turns_once_a_slot_and_once_more_where_its_last_tick_is_open(
     assert setup.sim.core.health.overruns == 0
 
 
+@pytest.mark.parametrize(("state", "stamps_arrivals"), [("Up", False), ("Gone", True)])
+def test_loop_turns_at_every_tick_where_stamps_or_the_bus_depend_on_it(
+    setup: Setup, state: LinkState, stamps_arrivals: bool
+) -> None:
+    setup.link.health.state, setup.link.stamps_arrivals = state, stamps_arrivals
+    setup.link.waiting = sensor_frames(setup, 300, 1_200_000)
+    assert setup.run(1_000_000) == pytest.approx(200, abs=1)
+
+
 @pytest.mark.parametrize("phase_us", [300, 1_700, 3_000, 4_900])
-def test_adhesion_frame_leaves_with_the_first_tick_that_could_close_its_slot(setup: Setup, phase_us: int) -> None:
+def test_adhesion_frame_leaves_with_the_first_tick_that_could_close_its_slot(
+    setup: Setup, phase_us: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """As if the loop turned at every tick: where a frame of a later tick has come, or none in two ticks."""
     rng = random.Random(phase_us)
     begins = [at_us + rng.randrange(20_000) for at_us in range(0, 6_000_000, 100_000)]
@@ -86,7 +98,7 @@ def test_adhesion_frame_leaves_with_the_first_tick_that_could_close_its_slot(set
     stamps = sorted({f.stamp_us for f in kept})
     left: dict[int, int] = {}
     send = setup.link.send
-    setup.link.send = lambda f: left.setdefault(f.stamp_us, setup.now) > 0 and send(f)  # type: ignore[method-assign]
+    monkeypatch.setattr(setup.link, "send", lambda f: left.setdefault(f.stamp_us, setup.now) > 0 and send(f))
     setup.link.waiting = kept
     setup.run(5_900_000)
     assert len(left) > 280
