@@ -30,6 +30,8 @@ _SIGNATURES: tuple[tuple[str, Any, *tuple[Any, ...]], ...] = (
     ("wrcd_pair_state", _int, _pointer, _int),
     ("wrcd_torque_now", ctypes.c_double, _pointer, _pointer, _int),
     ("wrcd_inputs_of", None, _pointer, _pointer, _int, _int, ctypes.c_double, _pointer),
+    ("wrcd_receive", _int, _int, _pointer, _int, _long, _pointer, _int, _pointer),
+    ("wrcd_send", _int, _int, _pointer, _int),
     ("wrcd_steps", None, _pointer, _pointer, _int, _pointer),
     ("wrcd_lane_run", _int, *(_pointer,) * 6, _long, _pointer),
     ("wrcd_lane_bytes", _int, _int),

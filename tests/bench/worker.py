@@ -63,14 +63,14 @@ def main(stretch_file: str, config_file: str, length_us: str) -> None:
     gc.freeze()  # as the daemon does
     print(wrcd.__file__, *sorted(valid), flush=True)
     if hasattr(core, "feed_batch"):
-        core.explains, records_of = False, import_module("wrcd.bus.batch").records_of
+        core.explains, batch_of = False, import_module("wrcd.bus.batch").Batch.of
     for line in sys.stdin:
         block = [next(source) for _ in range(int(line))]
-        if hasattr(core, "feed_batch"):  # as the daemon does: the frames of a tick as records
-            batches, feed_batch = [records_of(frames) for frames in block], core.feed_batch
+        if hasattr(core, "feed_batch"):  # as the daemon does
+            batches, feed_batch = [batch_of(frames) for frames in block], core.feed_batch
             begin = time.thread_time_ns()
-            for records in batches:
-                feed_batch(records)
+            for batch in batches:
+                feed_batch(batch)
         else:
             feed, begin = core.feed, time.thread_time_ns()
             for frames in block:

@@ -2,7 +2,7 @@
 
 from sim_ecu.play.slcan import Slcan
 from tests.support.can_ids import ADHESION, ADHESION_A1, AXLES, YAW_RATE_A1
-from tests.support.vcan import BUS_OFF, ERROR, FaultySocket, Node, now_us
+from tests.support.vcan import BUS_OFF, ERROR, FaultySocket, Node, ip, now_us
 from wrcd.bus.frame import Frame
 from wrcd.bus.socketcan import SocketCanLink
 
@@ -45,6 +45,47 @@ def test_frames_wait_in_the_kernel_for_one_slot_only(
     sockets[-1].holds_frames = False
     assert link.send(Frame(stamp + 1_060_000, ADHESION_A1, b"\x06"))  # and has left
     assert [node.receive()[1] for _ in range(6)] == [b"\x03"] * 4 + [b"\x05", b"\x06"]
+
+
+def test_slots_frames_are_sent_together_and_each_is_counted(link: SocketCanLink, node: Node) -> None:
+    stamp = now_us() // 20_000 * 20_000
+    assert link.send_all([]) == []
+    slots = [[Frame(stamp + k, ADHESION[axle], bytes([k, axle])) for axle in AXLES] for k in range(2)]
+    assert [link.send_all(slot) for slot in slots] == [[True] * 4] * 2
+    assert [node.receive() for _ in range(8)] == [(f.can_id, f.data) for slot in slots for f in slot]
+    assert (link.receive(0), link._unconfirmed, link.health.unsent) == ([], 0, 0)
+
+
+def test_slots_frames_go_out_after_a_latched_error(bus: str, link: SocketCanLink) -> None:
+    """The interface was down and is up again: the kernel tells the first that is sent."""
+    link.close_events()  # nobody else tells
+    ip("set", bus, "down")
+    ip("set", bus, "up")
+    other = Node(bus)
+    frames = [Frame(now_us(), ADHESION[axle], bytes([axle])) for axle in AXLES]
+    assert link.send_all(frames) == [True] * 4
+    assert [other.receive() for _ in AXLES] == [(f.can_id, f.data) for f in frames]
+    ip("set", bus, "down")
+    assert link.send_all(frames) == [False] * 4
+    assert (link.health.state, link.health.unsent) == ("Down", 4)
+    other.close()
+
+
+def test_slots_frames_that_the_queue_does_not_take_are_counted() -> None:
+    """An slcan interface whose line nobody reads: real ENOBUFS in the middle of a slot."""
+    peer = Slcan("can7")
+    try:
+        link = SocketCanLink("can7", None, confirm=False)
+        stamp, sent = now_us(), [True]
+        while all(sent):
+            sent = link.send_all([Frame(stamp, ADHESION_A1, bytes(8))] * 100)
+        first = sent.index(False)
+        assert 0 < first < 99
+        assert link.health.unsent == sent.count(False)
+        assert link.health.state == "Up"
+        link.close()
+    finally:
+        peer.shutdown()
 
 
 def test_link_that_asks_for_no_confirmation_does_not_wait_for_earlier_frames(

@@ -11,7 +11,7 @@ from sim_ecu.loop.control.control_on_bus import InputWatch, OnBus, Watch
 from sim_ecu.loop.drive_scenario import DriveScenario, read_drive_scenario
 from sim_ecu.loop.drive_session import DriveSession
 from wrcd.bus.frame import Frame
-from wrcd.bus.link import LinkHealth
+from wrcd.bus.link import Link, LinkHealth
 from wrcd.config.settings import parse_toml
 
 STOP = "emergency-greasy"  # the stop of docs/how-to/close-the-loop.md
@@ -47,7 +47,7 @@ class SetClock:
         return (EPOCH_US + self.us + self.step_us) * 1000
 
 
-class WireLink:
+class WireLink(Link):
     """An end of a Wire. `up` False: nothing comes, nothing goes."""
 
     name = "wire"

@@ -1,13 +1,14 @@
 """A CAN link without a bus."""
 
 from wrcd.bus.frame import Frame
-from wrcd.bus.link import LinkHealth
+from wrcd.bus.link import Link, LinkHealth
 
 
-class ScriptedLink:
+class ScriptedLink(Link):
     """A link that hands over the frames a test puts into `waiting`, each at its time stamp, and keeps what is sent."""
 
     name = "test"
+    stamps_arrivals = True
 
     def __init__(self) -> None:
         self.health = LinkHealth()

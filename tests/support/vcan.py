@@ -91,6 +91,9 @@ class Node:
         self._echo.close()
 
 
+EMPTY = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)  # nothing comes from it
+
+
 class FaultySocket(RealSocket):
     """A socket with faults that a test switches on."""
 
@@ -106,6 +109,10 @@ class FaultySocket(RealSocket):
         if self.holds_frames:
             raise BlockingIOError
         return super().recvmsg(*args)
+
+    def fileno(self) -> int:
+        """For many frames a system call."""
+        return EMPTY[0].fileno() if self.holds_frames else super().fileno()
 
 
 def assert_frames_pass(bus: str, link: SocketCanLink) -> None:

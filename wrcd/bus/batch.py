@@ -1,42 +1,57 @@
-"""Frames as records: what the kernel or a log gave, many at once, without an object for each."""
+"""Many classical frames in one piece of memory, as wrcd/bus/c/wrcd_frame.h has them."""
 
+import struct
 from collections.abc import Iterator, Sequence
-from struct import Struct
-from typing import Any
 
-import numpy as np
+from wrcd.bus.frame import ERROR, EXTENDED, ID_BITS, REMOTE, Frame
 
-from wrcd.bus.frame import Frame
-
-# As `wrcd_frame` in wrcd/bus/c/wrcd_frame.h. word: the id, with these flags.
-RECORD = np.dtype(
-    [("stamp_us", np.int64), ("word", np.uint32), ("length", np.uint8), ("flags", np.uint8), ("cause", np.uint16),
-     ("data", np.uint8, 8)]
-)  # fmt: skip
-_LAYOUT = Struct("=qIBBH8s")
-EXTENDED, REMOTE, ERROR = 0x8000_0000, 0x4000_0000, 0x2000_0000
-Records = np.ndarray[Any, np.dtype[np.void]]
+RECORD = struct.Struct("=qIBBH8s")  # stamp, the kernel's word, length, flags, reserved, data
 
 
-def records_of(frames: Sequence[Frame]) -> Records:
-    """Classical frames as records."""
-    out = np.zeros(len(frames), dtype=RECORD)
-    flat = [
-        (f.stamp_us, f.can_id | EXTENDED * f.extended | REMOTE * f.remote | ERROR * f.error, len(f.data), 0, 0,
-         list(f.data.ljust(8, b"\0"))) for f in frames
-    ]  # fmt: skip
-    out[:] = flat
-    return out
+class Batch:
+    """Frames that are made only when they are looked at. records: one behind the other."""
+
+    __slots__ = ("records",)
+
+    def __init__(self, records: bytes) -> None:
+        self.records = records
+
+    @classmethod
+    def of(cls, frames: Sequence[Frame]) -> "Batch":
+        """Of classical frames; a DLC above 8 is not kept. Raises ValueError for one of CAN FD."""
+        if any(f.fd for f in frames):
+            raise ValueError("a batch holds no CAN FD frame")
+        return cls(b"".join(map(_record, frames)))
+
+    def __len__(self) -> int:
+        return len(self.records) // RECORD.size
+
+    def __iter__(self) -> Iterator[Frame]:
+        for stamp_us, word, length, _, _, data in RECORD.iter_unpack(self.records):
+            yield frame_of(stamp_us, word, data[:length])
+
+    def frame(self, k: int) -> Frame:
+        """The k-th of them."""
+        stamp_us, word, length, _, _, data = RECORD.unpack_from(self.records, k * RECORD.size)
+        return frame_of(stamp_us, word, data[:length])
 
 
-def frames_of(records: Records) -> Iterator[Frame]:
-    """The frames of records."""
-    for stamp_us, word, length, _, _, data in _LAYOUT.iter_unpack(records.tobytes()):
-        if word <= 0x7FF:  # almost always
-            yield Frame(stamp_us, word, data[:length])
-        else:
-            extended = bool(word & EXTENDED)
-            yield Frame(
-                stamp_us, word & (0x1FFF_FFFF if extended else 0x7FF), data[:length], extended,
-                remote=bool(word & REMOTE), error=bool(word & ERROR),
-            )  # fmt: skip
+def frame_of(stamp_us: int, word: int, data: bytes) -> Frame:
+    """The classical frame of the kernel's word and so many bytes."""
+    number = word & ID_BITS
+    if number == word:
+        return Frame(stamp_us, number, data)
+    if word & ERROR:
+        return Frame(stamp_us, number, data, error=True)
+    if word & REMOTE:  # it asks for so many bytes, and has none
+        return Frame(stamp_us, number, b"", bool(word & EXTENDED), remote=True, extra=len(data))
+    return Frame(stamp_us, number, data, extended=True)
+
+
+def word_of(f: Frame) -> int:
+    """The kernel's word of a frame: its id and flags."""
+    return f.can_id | EXTENDED * f.extended | REMOTE * f.remote | ERROR * f.error
+
+
+def _record(f: Frame) -> bytes:
+    return RECORD.pack(f.stamp_us, word_of(f), f.extra if f.remote else len(f.data), 0, 0, f.data)

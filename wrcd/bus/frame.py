@@ -2,7 +2,9 @@
 
 from dataclasses import dataclass
 
-EXTENDED = 0x8000_0000  # in a key: the id is one of 29 bits
+EXTENDED = 0x8000_0000  # in a key, and in the kernel's word: the id is one of 29 bits
+REMOTE, ERROR = 0x4000_0000, 0x2000_0000  # in the kernel's word
+ID_BITS = 0x1FFF_FFFF
 
 
 def id_text(key: int) -> str:

@@ -1,9 +1,11 @@
 """Links to a bus: what the loop needs of one."""
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
+from wrcd.bus.batch import Batch
 from wrcd.bus.frame import Frame
 
 MAX_FRAMES = 4096  # that a link hands over at a time, so that no flood keeps the loop from its tick
@@ -41,13 +43,22 @@ class Link(Protocol):
 
     name: str
     health: LinkHealth
+    stamps_arrivals: bool = False  # whether stamps tell when frames came, or perhaps when they were fetched
 
     def receive(self, now_us: int) -> list[Frame]:
         """What is there, oldest first, MAX_FRAMES at the most. now_us serves re-opening, and stamps where the interface
         has none."""
 
+    def receive_batch(self, now_us: int) -> Batch | list[Frame]:
+        """The same, where the link can without one Python object for each."""
+        return self.receive(now_us)
+
     def send(self, frame: Frame) -> bool:
         """Send at once or not at all: a frame that has to queue would arrive stale."""
+
+    def send_all(self, frames: Sequence[Frame]) -> list[bool]:
+        """Send a slot's frames, each at once or not at all. Returns which have been sent."""
+        return [self.send(frame) for frame in frames]
 
     def close(self) -> None:
         """Let go of the bus."""

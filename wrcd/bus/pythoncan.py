@@ -6,7 +6,7 @@ import can
 
 from wrcd.bus import opening_hints
 from wrcd.bus.frame import Frame
-from wrcd.bus.link import MAX_FRAMES, LinkHealth
+from wrcd.bus.link import MAX_FRAMES, Link, LinkHealth
 from wrcd.errors import BusError
 
 # A stamp further than this from the wall clock is in the interface's own time: the time of reception replaces it.
@@ -39,7 +39,7 @@ def open_bus(interface: str, channel: str, *, user_settings: bool = False, **opt
         raise BusError(f"{interface}:{channel} cannot be opened: {reason}", key="channel", hint=hint) from None
 
 
-class PythonCanLink:
+class PythonCanLink(Link):
     """A python-can bus, read without its threads.
 
     Its messages are chosen here: where python-can filters by itself, a frame of another id ends a look that does not

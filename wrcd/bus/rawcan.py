@@ -7,6 +7,7 @@ import errno
 import socket
 import struct
 
+from wrcd.bus.frame import EXTENDED
 from wrcd.bus.link import LinkHealth
 
 FRAME = struct.Struct("=IB3x8s")  # struct can_frame
@@ -23,13 +24,11 @@ SO_RXQ_OVFL = 40
 CAN_RAW_RECV_OWN_MSGS = 4
 CAN_RAW_ERR_FILTER = 2
 CAN_RAW_FD_FRAMES = 5
-CAN_EFF_FLAG, CAN_RTR_FLAG, CAN_ERR_FLAG = 0x80000000, 0x40000000, 0x20000000
 GONE = (errno.ENODEV, errno.ENXIO, errno.EBADF)  # what a socket says of a device that is not there any more
 
 
 # As plain numbers: those of the socket module may be enumerations, whose & takes longer than the system call.
 SOL_SOCKET, MSG_CONFIRM = int(socket.SOL_SOCKET), int(socket.MSG_CONFIRM)
-EFF_MASK, SFF_MASK = int(socket.CAN_EFF_MASK), int(socket.CAN_SFF_MASK)
 
 
 def time_us(value: bytes, place: int = 0) -> int:
@@ -59,8 +58,8 @@ def parse_ancillary(ancillary: list[tuple[int, int, bytes]], now_us: int) -> tup
 
 def only_word(word: int) -> bytes:
     """Exactly this id, in its own length: an id with its flag, as Frame.key is."""
-    mask = socket.CAN_EFF_MASK if word & CAN_EFF_FLAG else socket.CAN_SFF_MASK
-    return FILTER.pack(word, mask | CAN_EFF_FLAG)
+    mask = socket.CAN_EFF_MASK if word & EXTENDED else socket.CAN_SFF_MASK
+    return FILTER.pack(word, mask | EXTENDED)
 
 
 class HardwareClock:

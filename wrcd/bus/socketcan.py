@@ -1,19 +1,23 @@
-"""SocketCAN on the standard library's socket: exact time stamps, kernel filters, counted drops."""
+"""SocketCAN on the standard library's socket: exact time stamps, kernel filters, counted drops.
 
+Many frames a system call where the compiled library is; one by one without it, of CAN FD, and with hardware stamps.
+"""
+
+import ctypes
 import errno
+import os
 import socket
+import struct
+from collections.abc import Sequence
 
-from wrcd.bus.frame import Frame
-from wrcd.bus.link import MAX_FRAMES, LinkHealth
+from wrcd.bus.batch import RECORD, Batch, frame_of, word_of
+from wrcd.bus.frame import ERROR, REMOTE, Frame
+from wrcd.bus.link import MAX_FRAMES, Link, LinkHealth
 from wrcd.bus.rawcan import (
     ALL_ERRORS,
-    CAN_EFF_FLAG,
-    CAN_ERR_FLAG,
     CAN_RAW_ERR_FILTER,
     CAN_RAW_FD_FRAMES,
     CAN_RAW_RECV_OWN_MSGS,
-    CAN_RTR_FLAG,
-    EFF_MASK,
     FD_BITS,
     FD_FRAME,
     FRAME,
@@ -22,13 +26,10 @@ from wrcd.bus.rawcan import (
     RAW_HARDWARE,
     RX_HARDWARE,
     RX_SOFTWARE,
-    SFF_MASK,
     SO_RXQ_OVFL,
     SO_TIMESTAMPING,
     SO_TIMESTAMPNS,
     SOFTWARE,
-    SOL_SOCKET,
-    TIMESPEC,
     Controller,
     HardwareClock,
     only_word,
@@ -36,6 +37,7 @@ from wrcd.bus.rawcan import (
 )
 from wrcd.bus.rtnetlink import LinkEvent, open_events
 from wrcd.errors import BusError
+from wrcd.native import library
 
 SEND_BUFFER = 8 << 10  # bytes: some slots' frames, no more may wait in the kernel
 RECEIVE_BUFFER = 4 << 20  # bytes, up to net.core.rmem_max; the kernel's default holds 278 frames
@@ -43,13 +45,22 @@ UNCONFIRMED_US = 1_000_000  # after so long without a sign that a frame has left
 # A device that has gone is opened again when the kernel says that it is there; and tried so often, for where rtnetlink
 # is not to be had. No longer, however long it has been gone: the window has to fill first anyway.
 REOPEN_US = 50_000
-_KERNEL_STAMP = (SOL_SOCKET, SO_TIMESTAMPNS)
 
 
-class SocketCanLink:
+class _Received(ctypes.Structure):
+    """What wrcd_receive tells beside the frames."""
+
+    _fields_ = [
+        ("error", ctypes.c_int32), ("confirmed", ctypes.c_int32), ("odd", ctypes.c_int32), ("lost", ctypes.c_uint32)
+    ]  # fmt: skip
+
+
+class SocketCanLink(Link):
     """One raw CAN socket, and one of rtnetlink's beside it. The device may go and come back; link-down is waited out on
     the same socket. fd: CAN FD frames are wanted, too. confirm False: nothing is known of what has left, and no frame
     waits for those before it: a rig's sensors do not wait for each other."""
+
+    stamps_arrivals = True
 
     def __init__(self, channel: str, keys: tuple[int, ...] | None, fd: bool = False, confirm: bool = True) -> None:
         self.name = f"socketcan:{channel}"
@@ -60,12 +71,13 @@ class SocketCanLink:
         self._down = False
         self._dropped_before = 0
         self._tried_us = 0  # when it was last tried to open a device that has gone
-        self._own: frozenset[int] = frozenset()  # words of the frames sent here
+        self._own: tuple[int, ...] = ()  # words of the frames sent here
         self._slot_us = self._opened_us = 0  # stamps of the newest slot, and of the newest that was sent
         self._sending = True  # whether the newest slot is
         self._unconfirmed = 0  # frames of it that have not left yet
         self._confirms = False  # whether this interface tells when a frame has left
         self._early: list[Frame] = []  # received while looking for that
+        self._records = ctypes.create_string_buffer(MAX_FRAMES * RECORD.size)  # of a look
         if not hasattr(socket, "AF_CAN"):
             from wrcd.bus.opening_hints import no_socketcan
 
@@ -119,15 +131,19 @@ class SocketCanLink:
     def receive(self, now_us: int) -> list[Frame]:
         """What the kernel holds, error frames too, MAX_FRAMES at the most. A device that has gone is opened again as
         soon as it is back."""
+        return list(self.receive_batch(now_us))
+
+    def receive_batch(self, now_us: int) -> Batch | list[Frame]:
+        """The same, of classical frames without one Python object for each."""
         came = self._follow(now_us)
         if self._socket is None:
             self._reopen(now_us, came)
-        frames, self._early = self._early, []
-        self._read(frames, now_us)
+        early, self._early = self._early, []
+        frames = self._read(now_us, MAX_FRAMES - len(early))
         if self._socket is not None and (mask := self._controller.mask(now_us)) is not None:
             self._set(CAN_RAW_ERR_FILTER, mask, now_us)
         self._tell()
-        return frames
+        return [*early, *frames] if early else frames
 
     def _follow(self, now_us: int) -> bool:
         """Take in what the kernel says of the interface. Returns whether it says that there is one."""
@@ -142,39 +158,57 @@ class SocketCanLink:
                 self._lose(now_us)
         return came
 
-    def _read(self, frames: list[Frame], now_us: int) -> None:
-        size, unpack, stamp, plain = FRAME.size, FRAME.unpack, TIMESPEC.unpack, self._hardware is None
-        most = FD_FRAME.size if self._fd else size
-        while self._socket is not None and len(frames) < MAX_FRAMES:
+    def _read(self, now_us: int, most: int) -> Batch | list[Frame]:
+        if (c := library()) is None or self._fd or self._hardware is not None:
+            return self._read_one_by_one(now_us, most)
+        own, said, size, begin = struct.pack(f"={len(self._own)}I", *self._own), _Received(), RECORD.size, 0
+        while self._socket is not None:
+            fd, room, left = self._socket.fileno(), ctypes.byref(self._records, begin * size), most - begin
+            count = c.wrcd_receive(fd, room, left, now_us, own, len(self._own), ctypes.byref(said))
+            self._note_left(said.confirmed)
+            self._note_lost(said.lost)
+            if said.odd:
+                came = ctypes.string_at(room, count * size)
+                for stamp_us, word, length, _, _, data in RECORD.iter_unpack(came):
+                    self._note(word, data[:length], stamp_us)
+            elif count:
+                self._down = self._controller.bus_off = False
+            begin += count
+            if not said.error or not self._goes_on(said.error, now_us):
+                break
+        return Batch(ctypes.string_at(self._records, begin * size))
+
+    def _read_one_by_one(self, now_us: int, most: int) -> list[Frame]:
+        frames: list[Frame] = []
+        size = FD_FRAME.size if self._fd else FRAME.size
+        while self._socket is not None and len(frames) < most:
             try:
-                data, extra, flags, _ = self._socket.recvmsg(most, 256)
+                data, extra, flags, _ = self._socket.recvmsg(size, 256)
             except BlockingIOError:
                 break
-            except InterruptedError:
-                continue
             except OSError as e:
-                if e.errno == errno.ENETDOWN and self._events is not None:
-                    continue  # perhaps it is up again already: rtnetlink says what came last
-                self._trouble(e, now_us)
-                if e.errno != errno.ENETDOWN:
+                if not self._goes_on(e.errno, now_us):
                     break
                 continue
-            if len(data) != size:
-                if len(data) == FD_FRAME.size:
-                    frames.append(self._take_fd(data, extra, now_us))
-                continue
             if flags & MSG_CONFIRM:  # one of ours has left
-                self._confirms, self._unconfirmed = True, max(self._unconfirmed - 1, 0)
-                continue
-            word, length, payload = unpack(data)
-            if word in self._own:
-                self.health.foreign(word)
-            if word <= SFF_MASK and plain and len(extra) == 1 and extra[0][:2] == _KERNEL_STAMP:  # almost always
-                seconds, nanoseconds = stamp(extra[0][2])
-                self._down = self._controller.bus_off = False
-                frames.append(Frame(seconds * 1_000_000 + nanoseconds // 1000, word, payload[:length]))
-            else:
-                frames.append(self._take(word, payload[:length], extra, now_us))
+                self._note_left(1)
+            elif len(data) == FRAME.size:
+                word, length, payload = FRAME.unpack(data)
+                frames.append(frame_of(self._take(word, payload[:length], extra, now_us), word, payload[:length]))
+            elif len(data) == FD_FRAME.size:
+                word, length, bits, payload = FD_FRAME.unpack(data)
+                word &= ~REMOTE
+                frame = frame_of(self._take(word, payload[:length], extra, now_us), word, payload[:length])
+                frame.fd, frame.extra = True, bits & FD_BITS
+                frames.append(frame)
+        return frames
+
+    def _goes_on(self, error: int | None, now_us: int) -> bool:
+        """Whether to read on after an error."""
+        if error == errno.EINTR or (error == errno.ENETDOWN and self._events is not None):
+            return True  # perhaps it is up again already: rtnetlink says what came last
+        self._trouble(error, now_us)
+        return error == errno.ENETDOWN
 
     def narrow(self, keys: tuple[int, ...], fd: bool = False) -> None:
         """From now on only these messages (Frame.key), with CAN FD ones among them."""
@@ -198,37 +232,41 @@ class SocketCanLink:
         except OSError as e:
             if e.errno not in (*GONE, errno.ENETDOWN):
                 raise
-            self._trouble(e, now_us)
+            self._trouble(e.errno, now_us)
 
-    def _take(self, word: int, payload: bytes, extra: list[tuple[int, int, bytes]], now_us: int) -> Frame:
+    def _take(self, word: int, payload: bytes, extra: list[tuple[int, int, bytes]], now_us: int) -> int:
+        """Note a frame. Returns its time stamp in µs."""
         stamp_us, hardware_us, lost = parse_ancillary(extra, now_us)
         if self._hardware is not None:
             stamp_us = self._hardware.to_kernel_time(hardware_us, stamp_us)
-        if lost is not None:
-            self.health.drops += (lost - self._dropped_before) & 0xFFFFFFFF
-            self._dropped_before = lost
-        self._down = False
-        if word & CAN_ERR_FLAG:
-            self._controller.error(word, payload, stamp_us)
-            return Frame(stamp_us, word & ALL_ERRORS, payload, error=True)
-        self._controller.on_frame()
-        extended = bool(word & CAN_EFF_FLAG)
-        mask = EFF_MASK if extended else SFF_MASK
-        if word & CAN_RTR_FLAG:  # it asks for so many bytes, and has none
-            return Frame(stamp_us, word & mask, b"", extended, remote=True, extra=len(payload))
-        return Frame(stamp_us, word & mask, payload, extended)
+        self._note_lost(lost or 0)
+        self._note(word, payload, stamp_us)
+        return stamp_us
 
-    def _take_fd(self, data: bytes, extra: list[tuple[int, int, bytes]], now_us: int) -> Frame:
-        word, length, bits, payload = FD_FRAME.unpack(data)
+    def _note(self, word: int, payload: bytes, stamp_us: int) -> None:
+        """What a frame tells of the bus."""
         if word in self._own:
             self.health.foreign(word)
-        frame = self._take(word & ~CAN_RTR_FLAG, payload[:length], extra, now_us)
-        frame.fd, frame.extra = True, bits & FD_BITS
-        return frame
+        self._down = False
+        if word & ERROR:
+            self._controller.error(word, payload, stamp_us)
+        else:
+            self._controller.on_frame()
 
-    def _trouble(self, e: OSError, now_us: int) -> None:
+    def _note_lost(self, lost: int) -> None:
+        """The kernel's count of frames lost; 0: it says nothing."""
+        if lost:
+            self.health.drops += (lost - self._dropped_before) & 0xFFFFFFFF
+            self._dropped_before = lost
+
+    def _note_left(self, frames: int) -> None:
+        """So many of ours have left."""
+        if frames:
+            self._confirms, self._unconfirmed = True, max(self._unconfirmed - frames, 0)
+
+    def _trouble(self, error: int | None, now_us: int) -> None:
         self._go_down()
-        if e.errno in GONE:
+        if error in GONE:
             self._lose(now_us)
 
     def _go_down(self) -> None:
@@ -268,44 +306,55 @@ class SocketCanLink:
         )  # fmt: skip
 
     def send(self, frame: Frame) -> bool:
-        """Send at once or drop and count. The first send after a link was down may fail on a latched error: again.
+        """Send at once or drop and count."""
+        return self.send_all([frame])[0]
 
-        Off the bus nothing is sent: the kernel would say that it was. Nor is it while frames of an earlier slot have
-        not left: they would all wait in the kernel's queue and go out when they are stale. Either is tried again once
-        a second.
+    def send_all(self, frames: Sequence[Frame]) -> list[bool]:
+        """Send a slot's frames at once, or drop and count each that cannot be. Returns which have been sent.
+
+        The first send after a link was down may fail on a latched error: again. Off the bus nothing is sent: the kernel
+        would say that it was. Nor is it while frames of an earlier slot have not left: they would all wait in the
+        kernel's queue and go out when they are stale. Either is tried again once a second.
         """
-        word = frame.can_id | (CAN_EFF_FLAG if frame.extended else 0)
-        if word not in self._own:
-            self._own |= {word}
-            self._set(socket.CAN_RAW_FILTER, self._filters(), frame.stamp_us)
-        if not self._open_slot(frame.stamp_us):
-            self.health.unsent += 1
-            return False
-        packed = FRAME.pack(word, len(frame.data), frame.data.ljust(8, b"\0"))
-        for _ in range(2):
-            if self._socket is None:
-                break
+        if not frames:
+            return []
+        words, stamp_us, went = map(word_of, frames), frames[0].stamp_us, [False] * len(frames)
+        if new := set(words).difference(self._own):
+            self._own = (*self._own, *sorted(new))
+            self._set(socket.CAN_RAW_FILTER, self._filters(), stamp_us)
+        at, again = 0 if self._open_slot(stamp_us) else len(frames), True
+        while at < len(frames) and self._socket is not None:
             try:
-                self._socket.send(packed)
-                self._unconfirmed += 1
-                self._down = False
-                self._tell()
-                return True
+                sent = self._put(self._socket, frames[at:])
             except OSError as e:
-                if e.errno in (errno.ENOBUFS, errno.EAGAIN):
-                    break
-                if e.errno != errno.EINTR:
-                    self._trouble(e, frame.stamp_us)
+                full = e.errno in (errno.ENOBUFS, errno.EAGAIN)
+                if not full and e.errno != errno.EINTR:
+                    self._trouble(e.errno, stamp_us)
+                at, again = at + (full or not again), full or not again
+                continue
+            went[at : at + sent] = [True] * sent
+            self._unconfirmed += sent
+            self._down, at, again = False, at + sent, True
         self._tell()
-        self.health.unsent += 1
-        return False
+        self.health.unsent += went.count(False)
+        return went
+
+    def _put(self, s: socket.socket, frames: Sequence[Frame]) -> int:
+        """Returns how many have been sent, one at least. Raises OSError where not even the first was."""
+        if (c := library()) is None or len(frames) == 1:
+            s.send(FRAME.pack(word_of(frames[0]), len(frames[0].data), frames[0].data))
+            return 1
+        sent = int(c.wrcd_send(s.fileno(), Batch.of(frames).records, len(frames)))
+        if sent < 0:
+            raise OSError(-sent, os.strerror(-sent))
+        return sent
 
     def _open_slot(self, stamp_us: int) -> bool:
         """Whether frames of a slot may be sent."""
         if stamp_us != self._slot_us:
             self._slot_us = stamp_us
             if self._unconfirmed:
-                self._read(self._early, stamp_us)
+                self._early += self._read(stamp_us, MAX_FRAMES - len(self._early))
             held = self._controller.bus_off or (self._confirms and self._unconfirmed > 0)
             self._sending = not held or not 0 <= stamp_us - self._opened_us < UNCONFIRMED_US
             if self._sending:

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wrcd.bus.batch import Records, frames_of
+from wrcd.bus.batch import Batch
 from wrcd.bus.codec import Receiver, Sample, Value
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
@@ -143,6 +143,21 @@ class Core:
             if self._slot_reports is not None:
                 self._slot_reports += told
 
+    @property
+    def newest_us(self) -> int:
+        """Newest stamp of a mapped frame; long ago before the first."""
+        return self._stamp_us
+
+    @property
+    def next_slot_us(self) -> int:
+        """The first end of a tick not closed yet with which frames are due; long ago before the first frame."""
+        if self._open is None:
+            return NEVER
+        period_us = self._period_us
+        begin_us = self._open * period_us
+        begins = ((begin_us // cycle_us + 1) * cycle_us for cycle_us in self._outbox.cycles_us)
+        return min(-(-slot_us // period_us) * period_us for slot_us in begins)
+
     def take_reports(self) -> list[SlotReports]:
         """The reports of each slot since the last call; from the first call on they are kept."""
         self._take_told()
@@ -173,17 +188,16 @@ class Core:
         """How many ticks were closed in the fast lane."""
         return 0 if self._lane is None else self._lane.total_ticks
 
-    def feed_batch(self, records: Records) -> list[Outgoing]:
-        """Take classical frames, as feed() does each: in C while nothing happens."""
+    def feed_batch(self, batch: Batch) -> list[Outgoing]:
+        """Take frames, as feed() does each: in C while nothing happens."""
         out: list[Outgoing] = []
         at, lane = 0, self._lane
-        while at < len(records):
+        while at < len(batch):
             if lane is None or not lane.is_open():
-                for frame in frames_of(records[at : at + 1]):
-                    out += self.feed(frame)
+                out += self.feed(batch.frame(at))
                 at += 1
                 continue
-            stop, at = lane.take(records, at)
+            stop, at = lane.take(batch, at)
             out += lane.made()
             if stop in (DUE, NOTE):
                 out += self._after_tick_of(lane, stop)

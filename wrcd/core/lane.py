@@ -10,14 +10,27 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wrcd.bus.batch import EXTENDED, RECORD, Records, frames_of
+from wrcd.bus.batch import Batch
 from wrcd.bus.e2e import CRC_TABLE, Checker
+from wrcd.bus.frame import EXTENDED
 from wrcd.bus.readers import MessageReader
 from wrcd.bus.writers import SignalWriter
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.input_buffers import NEVER
 from wrcd.core.inputs import LAT, QUANTITIES, SPEED, TORQUE, TRACTION_HELD_US, TickInputs
-from wrcd.core.lane_records import FIELD, LANE, MAX_CYCLES, MAX_WORDS, MESSAGE, PLACE, SENT, SIGNAL, SLOT, TOLD
+from wrcd.core.lane_records import (
+    FIELD,
+    FRAME_RECORD,
+    LANE,
+    MAX_CYCLES,
+    MAX_WORDS,
+    MESSAGE,
+    PLACE,
+    SENT,
+    SIGNAL,
+    SLOT,
+    TOLD,
+)
 from wrcd.core.messages import ROOM, Outbox, Outgoing, Report, nan_to_none
 from wrcd.core.plausibility import MIN_RUN, JumpCheck, StuckCheck
 from wrcd.core.slot import SlotReports
@@ -80,10 +93,10 @@ class FastLane:
         self._sent, self._fields, self._quiet = _sent_by(core._outbox)
         self._cycles = {int(s["word"]): int(s["cycle_us"]) for s in self._sent}
         self._adhesions = sum(w is not None for w in core._outbox.of_axles["adhesion"])
-        self._made = np.zeros(_MAX_SLOTS * max(1, len(self._sent)), dtype=RECORD)
+        self._made = np.zeros(_MAX_SLOTS * max(1, len(self._sent)), dtype=FRAME_RECORD)
         self._slots = np.zeros(_MAX_SLOTS, dtype=SLOT)
         sizes = [core.estimator.library.wrcd_lane_bytes(of) for of in range(8)]
-        ours = RECORD, MESSAGE, SIGNAL, PLACE, LANE, SENT, FIELD, SLOT
+        ours = FRAME_RECORD, MESSAGE, SIGNAL, PLACE, LANE, SENT, FIELD, SLOT
         assert sizes == [x.itemsize for x in ours], f"{sizes} are not {[x.itemsize for x in ours]}"
         tables = (
             self._message, self._signal, self._place, self._places, self._oks, self._crc_table, self._sent,
@@ -177,12 +190,12 @@ class FastLane:
             or any(check.run >= MIN_RUN for check in inputs._stuck_checks.values())
         )  # fmt: skip
 
-    def take(self, records: Records, first: int) -> tuple[int, int]:
-        """Take records from `first` on until something happens. Returns what, and the first that was not taken."""
+    def take(self, batch: Batch, first: int) -> tuple[int, int]:
+        """Take frames from `first` on until something happens. Returns what, and the first that was not taken."""
         if not self.is_lent:
             self._lend()
         self._taken.value = first
-        stop = self._run(*self._arguments, records.ctypes.data, len(records), self._taken_at)
+        stop = self._run(*self._arguments, batch.records, len(batch), self._taken_at)
         if stop in (FRAME, TICK):
             self._wait = FIRST_WAIT if int(self._k["ticks"]) >= LONG else min(2 * self._wait, LAST_WAIT)
             self._left = self._wait
@@ -236,7 +249,7 @@ class FastLane:
         made = self._made[:count]
         return [
             Outgoing(frame, cycles[frame.key], None, _CAUSES[cause])
-            for frame, cause in zip(frames_of(made), made["cause"].tolist(), strict=True)
+            for frame, cause in zip(Batch(made.tobytes()), made["cause"].tolist(), strict=True)
         ]
 
     def reports(self, newest_alone: bool) -> list[SlotReports]:

@@ -16,6 +16,12 @@ def _fields(kind: type, names: str, *shape: int) -> list[tuple[str, type, tuple[
 
 
 _I4, _I8, _U8, _F8 = np.int32, np.int64, np.uint64, np.float64
+FRAME_RECORD = np.dtype(
+    [
+        *_fields(_I8, "stamp_us"), *_fields(np.uint32, "word"), *_fields(np.uint8, "length flags"),
+        *_fields(np.uint16, "cause"), *_fields(np.uint8, "data", 8),
+    ], align=True,
+)  # fmt: skip
 MESSAGE = np.dtype(
     [
         *_fields(np.uint32, "word"),

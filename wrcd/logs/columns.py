@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wrcd.bus.batch import RECORD, Records
+from wrcd.bus.batch import Batch
 from wrcd.bus.codec import MessageReader, Receiver, Sample
 from wrcd.bus.e2e import crcs
 from wrcd.bus.frame import EXTENDED, Frame
@@ -23,6 +23,7 @@ from wrcd.bus.frame import EXTENDED, Frame
 IntArray = NDArray[np.int64]
 Samples = Sequence[Sample]
 MIN_ROWS, MAX_ROWS = 32, 5000  # fewer at once are not worth it, more need memory
+_RECORD = np.dtype([("stamp_us", "i8"), ("word", "u4"), ("length", "u1"), ("rest", "u1", 3), ("data", "u1", 8)])
 _ENDS = (18, 21)  # where the bracket behind a stamp of micro- or nanoseconds is
 _DIGITS = [*range(1, 11), *range(12, 18)]
 _POWERS = 10 ** np.arange(15, -1, -1, dtype=np.int64)
@@ -52,11 +53,11 @@ class Stretch:
         return self.ids | np.where(self.extended, EXTENDED, 0)
 
     @property
-    def records(self) -> Records:
-        """The same as records."""
-        out = np.zeros(len(self), dtype=RECORD)
+    def batch(self) -> Batch:
+        """The same in one piece."""
+        out = np.zeros(len(self), dtype=_RECORD)
         out["stamp_us"], out["word"], out["length"], out["data"] = self.stamps_us, self.keys, self.lengths, self.data
-        return out
+        return Batch(out.tobytes())
 
     def frame(self, k: int) -> Frame:
         """One of them."""

@@ -59,7 +59,7 @@ def outgoing_of_stretches(core: Core, items: Iterable[Item]) -> Iterator[tuple[O
         elif not _goes_on(core, item):
             yield from outgoing(core, ((frame, item.channel) for frame in item.frames()), None)
         else:
-            for o in core.feed_batch(item.records):
+            for o in core.feed_batch(item.batch):
                 yield o, item.channel
 
 

@@ -9,13 +9,15 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
+from wrcd.bus.batch import Batch
 from wrcd.bus.frame import Frame
 from wrcd.core.causes import Validity
 from wrcd.core.configuration import RecorderConfig
 from wrcd.core.core import Core
+from wrcd.core.counts import Health
 from wrcd.core.events import COLUMNS, MAX_KEPT, csv_line
 from wrcd.core.messages import Report
 from wrcd.recorder.dump_folder import Bound, dump_name, safe_channel_name
@@ -99,7 +101,7 @@ class Recorder:
         data_bytes = FD_BYTES if core.receiver.fd else CLASSICAL_BYTES
         self._ring = Ring(math.ceil(config.seconds * (1 + 1 / SNAPSHOTS) * frames_per_s), data_bytes)
         self._snapshots: deque[Snapshot] = deque(maxlen=SNAPSHOTS + 1)
-        self._health = capture(core.health)
+        self._health = _copied(core.health)
         self._healths: deque[tuple[int, dict[str, Any]]] = deque()  # by position, from the oldest snapshot on: changes
         self._changes: deque[tuple[int, str]] = deque(maxlen=MAX_KEPT)  # of Validity, by position as rows
         self._changes_told = core.events.total
@@ -114,11 +116,10 @@ class Recorder:
         self._name = ""
         self._said = ""
 
-    def received(self, frames: Sequence[Frame]) -> None:
+    def received(self, frames: Batch | Sequence[Frame]) -> None:
         """What the link handed over in this turn, before it is fed."""
         self._note_health()  # the link may have learnt of losses on the way
-        for frame in frames:
-            self._ring.put_frame(RECEIVED, frame)
+        self._ring.put_frames(RECEIVED, frames)
 
     def sent(self, frame: Frame) -> None:
         """A frame that went out."""
@@ -152,10 +153,10 @@ class Recorder:
 
     def _note_health(self) -> None:
         """What the core reports of the loop and the link does not come from frames: a replay needs it."""
-        health = capture(self._core.health)
+        health = self._core.health
         if health != self._health:
-            self._health = health
-            self._healths.append((self._ring.end, health))
+            self._health = _copied(health)
+            self._healths.append((self._ring.end, capture(health)))
             self._ring.put(HEALTH, 0)
 
     def _note_changes(self) -> None:
@@ -254,6 +255,10 @@ class Recorder:
             self._report(self._child.wait(end - time.monotonic(), alive))
             self._child = None
         self._ring.close()
+
+
+def _copied(health: Health) -> Health:
+    return replace(health, link=replace(health.link))
 
 
 def _bound(config: RecorderConfig) -> Bound:

@@ -3,15 +3,18 @@
 import mmap
 import os
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
-from wrcd.bus.frame import Frame
+import numpy as np
+
+from wrcd.bus.batch import Batch, word_of
+from wrcd.bus.frame import ERROR, EXTENDED, ID_BITS, REMOTE, Frame
 
 # What a record tells: a frame came, a frame went, the clock closed ticks, the health of loop or link changed.
 RECEIVED, SENT, ADVANCED, HEALTH = range(4)
 _FD = 0x80
-_EXTENDED, _REMOTE, _ERROR = 0x80000000, 0x40000000, 0x20000000
 _HEAD = "<qIBBH"  # stamp, id and flags, length, kind, position's low bits; data behind them
+_CLASSICAL = np.dtype([("frame", "V13"), ("kind", "u1"), ("low", "<u2"), ("data", "V8")])  # as a batch has its frames
 CLASSICAL_BYTES, FD_BYTES = 8, 64
 _LOW = 0xFFFF
 
@@ -47,11 +50,21 @@ class Ring:
 
     def put_frame(self, kind: int, f: Frame) -> None:
         """A frame."""
-        word = f.can_id
-        if f.extended or f.remote or f.error or f.fd:
-            word |= _EXTENDED * f.extended | _REMOTE * f.remote | _ERROR * f.error
-            kind |= _FD * f.fd
-        self.put(kind, f.stamp_us, word, f.data)
+        self.put(kind | _FD * f.fd, f.stamp_us, word_of(f), f.data)
+
+    def put_frames(self, kind: int, frames: Batch | Sequence[Frame]) -> None:
+        """Frames, of a batch as they are."""
+        if not isinstance(frames, Batch) or self.data_bytes != CLASSICAL_BYTES:
+            for f in frames:
+                self.put_frame(kind, f)
+            return
+        records = np.frombuffer(frames.records, _CLASSICAL).copy()
+        records["kind"], records["low"] = kind, np.arange(self.end, self.end + len(records)) & _LOW
+        while len(records):
+            at = self.end % self.records
+            part, records = records[: self.records - at], records[self.records - at :]
+            self._memory[at * part.itemsize : (at + len(part)) * part.itemsize] = part.tobytes()
+            self.end += len(part)
 
     def since(self, position: int) -> Iterator[tuple[int, Frame]]:
         """Kinds and records from a position on, oldest first; what is no frame has only a stamp. Raises Overwritten."""
@@ -82,10 +95,10 @@ def read_ring(
         stamp_us, word, length, kind, low, data = record.unpack_from(memory, at % records * record.size)
         if low != at & _LOW:
             raise Overwritten
-        remote = bool(word & _REMOTE)
+        remote = bool(word & REMOTE)
         # a remote frame has a length but no data, and no log can tell
         kept = b"" if remote else data[:length]
         frame = Frame(
-            stamp_us, word & 0x1FFFFFFF, kept, bool(word & _EXTENDED), remote, bool(word & _ERROR), bool(kind & _FD)
+            stamp_us, word & ID_BITS, kept, bool(word & EXTENDED), remote, bool(word & ERROR), bool(kind & _FD)
         )
         yield kind & ~_FD, frame

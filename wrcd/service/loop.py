@@ -4,8 +4,10 @@ import gc
 import signal
 import time
 from collections.abc import Callable, Sequence
+from itertools import groupby
 from types import FrameType
 
+from wrcd.bus.batch import Batch
 from wrcd.bus.frame import Frame
 from wrcd.bus.link import Link
 from wrcd.core.core import BACKWARD_STEP_US, FORWARD_STEP_US, Core
@@ -16,12 +18,15 @@ from wrcd.service.notify import Notifier
 from wrcd.service.reload import Reload
 from wrcd.service.reload_request import answer
 
-# The loop turns this long after the end of each tick, when the tick's last frames have usually come in.
+# The loop turns this long after the end of a tick with which frames are due, when its last frames have usually come in;
+# then at every tick until that one is closed. Between slots it pauses, for so long at the most: a kernel's default
+# buffer holds the frames of a full bus. Where a link may stamp frames as they are fetched, it turns at every tick.
 SETTLE_US = 1_000
-# A tick is closed when a frame of a later one arrives. The clock closes it only on a silent bus: after so many turns
-# that found nothing. On a busy computer a frame may be stamped milliseconds before the kernel hands it over,
-# and a tick closed without it would not be what a replay computes.
-SILENT_TURNS = 2
+MAX_PAUSE_US = 20_000
+# A tick is closed when a frame of a later one arrives. The clock closes it only on a silent bus: after so many ticks
+# without a frame. On a busy computer a frame may be stamped milliseconds before the kernel hands it over, and a tick
+# closed without it would not be what a replay computes.
+SILENT_TICKS = 2
 # Systemd's watchdog gets turns that ended this long after they were due and no later: an Adhesion frame's slot.
 # A loop that is always later sends next to nothing, and a new one may do better.
 LATE_US = 20_000
@@ -60,6 +65,7 @@ class Daemon:
         self.core, self.link = core, link
         self._recorder = recorder
         core.health.link = link.health
+        core.explains = False
         self._reload = reload
         self._watch = CounterLog(core, link, write)
         self._notifier = notifier or Notifier({})
@@ -68,22 +74,22 @@ class Daemon:
         self._offset_us = clock() - self._advanced_us  # of the wall clock from it
         self._period_us = round(core.config.design.tick_s * 1e6)
         self._stop = self._hangup = False
-        self._turn_us = self._next_turn_us()
-        self._silent = 0  # turns in a row that found nothing
+        self._turn_us, self._paused = self._next_turn()
+        self._silent = 0  # ticks in a row that brought nothing
         self._slot_in_time = True  # whether the newest slot's frames still belonged to it
         self._next_ping_us = 0
         self.sent = 0
 
     def poll(self) -> None:
-        """Wait for the end of the tick, then one turn."""
-        # no wake-up per frame: the kernel holds them until the tick is over
+        """Wait until something is due, then one turn."""
+        # no wake-up per frame: the kernel holds them until then
         time.sleep(self.wait_s())
         self.turn()
 
     def wait_s(self) -> float:
-        """How long until the next turn is due. A clock that steps back makes nobody wait longer than a tick."""
+        """How long until the next turn is due. A clock that steps back makes nobody wait longer than was planned."""
         left_us = self._turn_us - self._clock()
-        return min(max(left_us, 0), self._period_us + SETTLE_US) * 1e-6
+        return min(max(left_us, 0), self._paused * self._period_us + SETTLE_US) * 1e-6
 
     def turn(self) -> None:
         """Take all frames there are, close the ticks that are over, send what is due."""
@@ -92,24 +98,35 @@ class Daemon:
         out: list[Outgoing] = []
         counts = self.core.counts
         before, ticks = counts.seen, counts.ticks
-        frames = self.link.receive(now)
+        frames = self.link.receive_batch(now)
         stood_us = steady_us - self._advanced_us
         if stood_us <= FORWARD_STEP_US:
             out += self._feed(frames)
         else:
             for frame in frames:
                 out += self._bridge(frame.stamp_us, stood_us) + self._feed([frame])
-        self._silent = 0 if counts.seen > before else self._silent + 1
-        if self._silent >= SILENT_TURNS:
+        self._silent = self._silent_ticks(now, found=counts.seen > before)
+        if self._silent >= SILENT_TICKS:
             out += self._bridge(now - SETTLE_US, stood_us) + self._advance(now - SETTLE_US)
         self._note_time(now, steady_us)
         self._send(out)
         self._look_after(now, in_time=counts.ticks > ticks and self._in_time())
-        self._turn_us = self._next_turn_us()
+        self._turn_us, self._paused = self._next_turn()
 
-    def _feed(self, frames: Sequence[Frame]) -> list[Outgoing]:
+    def _silent_ticks(self, now_us: int, found: bool) -> int:
+        """For how many ticks nothing has come; stamps tell of those that the loop slept through. A loop that comes late
+        may come before the kernel's own work: it has looked once."""
+        slept = self._paused if abs(now_us - self._turn_us) <= self._period_us else 1
+        if not found:
+            return self._silent + slept
+        past = (self._turn_us - self.core.newest_us) // self._period_us
+        return past if 0 <= past < slept else 0
+
+    def _feed(self, frames: Batch | Sequence[Frame]) -> list[Outgoing]:
         if self._recorder is not None:
             self._recorder.received(frames)
+        if isinstance(frames, Batch):
+            return self.core.feed_batch(frames)
         return [o for frame in frames for o in self.core.feed(frame)]
 
     def _advance(self, now_us: int) -> list[Outgoing]:
@@ -136,19 +153,33 @@ class Daemon:
     def _in_time(self) -> bool:
         return self._slot_in_time and self._clock() - self._turn_us <= LATE_US
 
-    def _next_turn_us(self) -> int:
-        return (self._clock() // self._period_us + 1) * self._period_us + SETTLE_US
+    def _next_turn(self) -> tuple[int, int]:
+        """When the next turn is due, and how many ticks it is away."""
+        tick = self._clock() // self._period_us
+        may_pause = self.link.health.up and self.link.stamps_arrivals
+        until_us = min(self.core.next_slot_us, tick * self._period_us + MAX_PAUSE_US) if may_pause else 0
+        ticks = max(until_us // self._period_us - tick, 1)
+        return (tick + ticks) * self._period_us + SETTLE_US, ticks
 
     def _send(self, out: list[Outgoing]) -> None:
         """Send what still belongs to its slot. A slot that is over is skipped and counted, never sent in a burst."""
-        for o in out:
-            self._slot_in_time = self._clock() // o.cycle_us <= o.frame.stamp_us // o.cycle_us
-            if not self._slot_in_time:
-                self.core.health.overruns += 1
-            elif self.link.send(o.frame):
-                self.sent += 1
-                if self._recorder is not None:
-                    self._recorder.sent(o.frame)
+        for _, slot in groupby(out, key=lambda o: o.frame.stamp_us):
+            now_us, due = self._clock(), []
+            for o in slot:
+                self._slot_in_time = now_us // o.cycle_us <= o.frame.stamp_us // o.cycle_us
+                if self._slot_in_time:
+                    due.append(o.frame)
+                else:
+                    self.core.health.overruns += 1
+            self.sent += self._send_all(due)
+
+    def _send_all(self, frames: list[Frame]) -> int:
+        """Send a slot's frames. Returns how many went."""
+        went = [frame for frame, sent in zip(frames, self.link.send_all(frames), strict=True) if sent]
+        if self._recorder is not None:
+            for frame in went:
+                self._recorder.sent(frame)
+        return len(went)
 
     def _look_after(self, now_us: int, in_time: bool) -> None:
         health = self.core.health
@@ -205,9 +236,7 @@ class Daemon:
         """The last frames, and off the bus."""
         self._notifier.notify("STOPPING=1")
         try:
-            for frame in self.core.shutdown_frames(self._clock()):
-                if self.link.send(frame) and self._recorder is not None:
-                    self._recorder.sent(frame)
+            self._send_all(self.core.shutdown_frames(self._clock()))
         except Exception as e:  # there is one on its way already, perhaps: that one is to be seen
             log_line(f"the last frames were not sent: {e!r}")
         finally:

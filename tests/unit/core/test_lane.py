@@ -1,4 +1,4 @@
-"""The fast lane makes of any frames what feed() makes of them, one after the other: frames, counts, events and state."""
+"""The fast lane makes of any frames what feed() makes of them one by one: frames, counts, events and state."""
 
 import json
 from collections.abc import Iterator, Sequence
@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.bench.workload import LENGTH_US, START_US, stretch
-from wrcd.bus.batch import records_of
+from wrcd.bus.batch import Batch
 from wrcd.bus.e2e import protect
 from wrcd.bus.frame import Frame
 from wrcd.config.config import load_config, packaged
@@ -36,9 +36,11 @@ def played(axles: int) -> list[Frame]:
 
 
 def spoilt(frames: Sequence[Frame], chance: np.random.Generator) -> Iterator[Frame]:
-    """The frames with what happens on a bus: damage, repeats, losses, jitter, foreign and odd frames, stuck sensors, values
-    that jump or stand at an end, senders that call themselves degraded, silences and steps of the clock."""
-    moved_us, silent_until_us, stuck, quiet = 0, 0, {}, {}
+    """The frames with what happens on a bus: damage, repeats, losses, jitter, foreign and odd frames, stuck sensors,
+    values that jump or stand at an end, senders that call themselves degraded, silences and steps of the clock."""
+    moved_us, silent_until_us = 0, 0
+    stuck: dict[int, tuple[bytes, int]] = {}
+    quiet: dict[int, int] = {}
     for f in frames:
         if f.stamp_us < silent_until_us:
             continue
@@ -81,12 +83,12 @@ def spoilt(frames: Sequence[Frame], chance: np.random.Generator) -> Iterator[Fra
             yield replace(frame, data=frame.data[:-1])
 
 
-def batches(frames: Sequence[Frame], chance: np.random.Generator) -> Iterator[Any]:
-    """As records, any number at once."""
-    records, at = records_of(frames), 0
-    while at < len(records):
+def batches(frames: Sequence[Frame], chance: np.random.Generator) -> Iterator[Batch]:
+    """Any number at once."""
+    at = 0
+    while at < len(frames):
         end = at + int(chance.integers(1, MOST_AT_ONCE))
-        yield records[at:end]
+        yield Batch.of(frames[at:end])
         at = end
 
 
@@ -102,7 +104,7 @@ def compare(config: Any, frames: Sequence[Frame], chance: np.random.Generator, e
     one, many = Core(config), Core(config)
     many.explains = explains
     expected = taken(one, [o for f in frames for o in one.feed(f)])
-    got = taken(many, [o for records in batches(frames, chance) for o in many.feed_batch(records)])
+    got = taken(many, [o for batch in batches(frames, chance) for o in many.feed_batch(batch)])
     for mine, theirs in zip(got[:4], expected[:4], strict=True):
         assert mine == theirs
     assert json.dumps(got[4], sort_keys=True) == json.dumps(expected[4], sort_keys=True)

@@ -3,8 +3,9 @@
 import pytest
 
 from tests.support.can_ids import UNMAPPED, YAW_RATE_A1
+from wrcd.bus.batch import Batch
 from wrcd.bus.frame import Frame
-from wrcd.recorder.ring import FD_BYTES, RECEIVED, SENT, Overwritten, Ring
+from wrcd.recorder.ring import ADVANCED, CLASSICAL_BYTES, FD_BYTES, RECEIVED, SENT, Overwritten, Ring
 
 
 def test_ring_overwrites_its_oldest_frames() -> None:
@@ -19,6 +20,21 @@ def test_ring_overwrites_its_oldest_frames() -> None:
     assert [(k, f.can_id, f.stamp_us - 10**15, f.data) for k, f in ring.since(150)] == [
         (i % 2, i, i, bytes([i % 256]) * (i % 9)) for i in range(150, 250)
     ]
+
+
+@pytest.mark.parametrize("data_bytes", [CLASSICAL_BYTES, FD_BYTES])
+def test_batch_is_kept_as_its_frames_one_by_one(data_bytes: int) -> None:
+    """At the ring's end, too, and where one is longer than the ring."""
+    kinds = [Frame(5, 0x40, bytes(8), error=True), Frame(6, 0x1FFFFFFF, b"123", extended=True), Frame(7, 0x101, b"")]
+    at_once, one_by_one = Ring(10, data_bytes), Ring(10, data_bytes)
+    for frames in (kinds, kinds * 2, kinds, kinds * 9, []):
+        at_once.put(ADVANCED, 1)
+        one_by_one.put(ADVANCED, 1)
+        at_once.put_frames(RECEIVED, Batch.of(frames))
+        one_by_one.put_frames(RECEIVED, frames)
+        begin = max(0, one_by_one.end - 10)
+        assert at_once.end == one_by_one.end
+        assert list(at_once.since(begin)) == list(one_by_one.since(begin))
 
 
 @pytest.mark.parametrize(

@@ -31,7 +31,7 @@ OF_SEVERAL_AXLES = {"Ahead._drops", "Ahead._low_s", "DropWatch.met_m", "DropWatc
 # what changes and nothing later hangs on: caches, results made anew
 TRANSIENT = {
     "Bank": ("_fused", "_between"),
-    "Core": ("_reports", "_slot_reports", "_tick", "_begin_us", "_end_us"),
+    "Core": ("explains", "_reports", "_slot_reports", "_tick", "_begin_us", "_end_us"),
     "Counts": ("rejected_by_message",),
     "Events": ("total", "_kept"),
     "Inputs": ("_shares_known", "_shares_ok"),

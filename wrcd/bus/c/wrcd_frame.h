@@ -1,20 +1,20 @@
-/* A classical CAN frame as it was received. */
+/* A classical CAN frame as it lies in memory between the socket and the core; wrcd/bus/batch.py has the same. */
 #ifndef WRCD_FRAME_H
 #define WRCD_FRAME_H
 
 #include <stdint.h>
 
+enum { WRCD_CONFIRM = 1, /* one of ours has left */ WRCD_UNSTAMPED = 2 /* the kernel gave no time stamp */ };
+
 typedef struct {
-    int64_t stamp_us;  /* since 1970 */
-    uint32_t word;     /* the id, with the kernel's flags of 29 bits, of a request and of an error */
-    uint8_t length, flags;
-    uint16_t cause;    /* of what is sent: why an axle is not Valid */
-    uint8_t data[8];
+    int64_t stamp_us; /* since 1970, truncated */
+    uint32_t word;    /* the id, and the kernel's CAN_EFF_FLAG, CAN_RTR_FLAG, CAN_ERR_FLAG */
+    uint8_t length;   /* of a remote frame what it asks for */
+    uint8_t flags;
+    uint16_t cause;   /* of one that is sent: why its axle is not Valid; else 0 */
+    uint8_t data[8];   /* 0 behind the length */
 } wrcd_frame;
 
-enum { WRCD_CONFIRM = 1 /* one of ours has left */, WRCD_NO_STAMP = 2 /* the kernel gave none */ };
-#define WRCD_EXTENDED 0x80000000U
-#define WRCD_REMOTE 0x40000000U
-#define WRCD_ERROR 0x20000000U
+_Static_assert(sizeof(wrcd_frame) == 24, "a record of the recorder's ring, too");
 
 #endif

@@ -6,6 +6,8 @@
 
 #include "lane.h"
 
+#define CAN_REMOTE 0x40000000U
+#define CAN_ERROR 0x20000000U
 enum { YAW, LAT, TORQUE, SPEED, BRAKE, LOAD, DIRECTION, RADIUS };
 enum { COUNTER_MODULO = 15, MAX_LOST = 2, REACH_BITS = 8 };
 static const double FIRST_SHARE = 0.05, FADING_FRAMES = 10000.0, MAX_FRAMES = 1000.0, BACKWARDS_M_S = 0.5;
@@ -154,7 +156,7 @@ static void accept(wrcd_lane *k, const wrcd_lane_tables *t, const wrcd_lane_sign
 /* Take a frame of a plain message; false, and nothing has changed, if anything speaks against it. */
 static bool take(wrcd_lane *k, const wrcd_lane_tables *t, wrcd_lane_message *m, const wrcd_frame *f)
 {
-    if (!m->is_plain || (f->word & (WRCD_REMOTE | WRCD_ERROR)) || f->length != m->length || f->stamp_us < k->begin_us)
+    if (!m->is_plain || (f->word & (CAN_REMOTE | CAN_ERROR)) || f->length != m->length || f->stamp_us < k->begin_us)
         return false;
     const uint64_t number = whole_number(f->data, m->length, m->is_big_endian != 0);
     if (!is_intact(m, f, t->crc_table) || !is_sound(m, t->oks, number))
@@ -294,7 +296,7 @@ int wrcd_lane_run(wrcd_lane *k, const wrcd_lane_tables *t, wrcd_estimator *e, co
 
     for (; *taken < frames; ++*taken) {
         const wrcd_frame *f = &frame[*taken];
-        wrcd_lane_message *m = f->word & WRCD_ERROR ? NULL : message_of(k, t, f->word & ~WRCD_REMOTE);
+        wrcd_lane_message *m = f->word & CAN_ERROR ? NULL : message_of(k, t, f->word & ~CAN_REMOTE);
         if (m == NULL)
             continue;
         if (!(k->begin_us <= k->stamp_us && k->stamp_us <= f->stamp_us && f->stamp_us < k->end_us)) {

@@ -1,0 +1,111 @@
+"""Frames in one piece of memory, and the link that takes and sends many a system call, over a pair of sockets."""
+
+import socket
+from collections.abc import Iterator
+from itertools import islice
+
+import pytest
+
+from tests.bench.on_pair import PairLink, pair
+from tests.bench.workload import frames
+from tests.support.can_ids import ADHESION_A1, YAW_RATE_A1
+from wrcd.bus import socketcan
+from wrcd.bus.batch import Batch, word_of
+from wrcd.bus.frame import Frame
+from wrcd.bus.rawcan import FRAME
+from wrcd.native import library
+
+NOW = 1_700_000_000_000_000
+KINDS = [
+    Frame(NOW, YAW_RATE_A1, b"\x01\x02"),
+    Frame(NOW + 1, 0x18FF0001, bytes(range(8)), extended=True),
+    Frame(NOW + 2, 0x101, b"", extended=True),
+    Frame(NOW + 3, YAW_RATE_A1, b"", remote=True, extra=5),
+    Frame(NOW + 4, 0x18FF0001, b"", extended=True, remote=True),
+    Frame(NOW + 5, 0x40, bytes(8), error=True),  # bus-off
+    Frame(NOW + 6, ADHESION_A1, b"\x07"),
+]
+
+
+def test_batch_keeps_every_classical_frame() -> None:
+    batch = Batch.of(KINDS)
+    assert (list(batch), len(batch)) == (KINDS, len(KINDS))
+    assert list(Batch.of([])) == []
+
+
+def test_batch_rejects_can_fd() -> None:
+    with pytest.raises(ValueError, match="CAN FD"):
+        Batch.of([*KINDS, Frame(NOW, 0x101, bytes(12), fd=True)])
+
+
+class Pair:
+    """The link and the far end."""
+
+    def __init__(self, kind: type) -> None:
+        self.kind = kind  # what it hands over
+        end, self.far = pair()
+        self.link = PairLink(end)
+
+    def send(self, every: list[Frame]) -> None:
+        for f in every:
+            self.far.send(FRAME.pack(word_of(f), f.extra if f.remote else len(f.data), f.data))
+
+    def close(self) -> None:
+        self.link.close()
+        self.far.close()
+
+
+@pytest.fixture(params=[Batch, list], ids=["many a call", "one by one"])
+def ends(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[Pair]:
+    if request.param is list:
+        monkeypatch.setattr(socketcan, "library", lambda: None)
+    elif library() is None:
+        pytest.skip("the library was not built")
+    made = Pair(request.param)
+    yield made
+    made.close()
+
+
+def test_link_hands_over_every_kind_of_frame_and_notes_what_it_tells(ends: Pair) -> None:
+    link = ends.link
+    assert link.send(Frame(NOW, ADHESION_A1, b"\x07"))  # from now on it is its own
+    ends.send(KINDS)
+    got = link.receive_batch(NOW)
+    assert type(got) is ends.kind
+    stamps = [f.stamp_us for f in got]
+    assert stamps == sorted(stamps)
+    assert stamps[0] > NOW  # the kernel's
+    assert [(f.can_id, f.data, f.extended, f.remote, f.error, f.extra) for f in got] == [
+        (f.can_id, f.data, f.extended, f.remote, f.error, f.extra) for f in KINDS
+    ]
+    assert (link.health.foreign_by_key, link.health.bus_offs, link.health.error_frames) == ({ADHESION_A1: 1}, 1, 1)
+    states = [state_after(ends, sent) for sent in ([], KINDS[5:6], KINDS[:1])]
+    assert states == ["Up", "BusOff", "Up"]  # a frame proves that the controller is on the bus
+
+
+def state_after(ends: Pair, sent: list[Frame]) -> str:
+    ends.send(sent)
+    assert len(ends.link.receive_batch(NOW)) == len(sent)
+    return ends.link.health.state
+
+
+def test_link_takes_more_than_one_call_brings(ends: Pair) -> None:
+    every = list(islice(frames(), 150))
+    ends.send(every)
+    assert [(f.can_id, f.data) for f in ends.link.receive_batch(NOW)] == [(f.can_id, f.data) for f in every]
+    assert list(ends.link.receive_batch(NOW)) == []
+
+
+def test_link_sends_a_slot_and_counts_what_the_queue_does_not_take(ends: Pair) -> None:
+    slot = [Frame(NOW, ADHESION_A1 + k % 4, bytes([k % 256, k // 256])) for k in range(1_000)]
+    went = ends.link.send_all(slot)
+    sent = went.index(False)
+    assert went == [True] * sent + [False] * (1_000 - sent)
+    assert sent > 64
+    assert ends.link.health.unsent == 1_000 - sent
+    assert ends.link.health.state == "Up"
+    got = [FRAME.unpack(ends.far.recv(16, socket.MSG_DONTWAIT)) for _ in range(sent)]
+    assert [(word, data[:length]) for word, length, data in got] == [(f.can_id, f.data) for f in slot[:sent]]
+    assert ends.link.send_all(slot[:3]) == [True] * 3
+    ends.far.close()
+    assert ends.link.send_all(slot[:3]) == [False] * 3
