@@ -12,10 +12,11 @@ from wrcd.core.inputs import BRAKE, LAT, LOAD, QUANTITIES, RADIUS, SPEED, TORQUE
 from wrcd.core.validity import LOAD_SHARES, RADIUS_SHARES, ValidityMonitor
 from wrcd.estimator.answer import HARSH_SHARE, MIN_M
 from wrcd.estimator.design import MODELS
+from wrcd.estimator.engine import EngineHealth
 from wrcd.estimator.paper.fuzzy import MIN_FIRING
 from wrcd.estimator.records import Estimate, EstimateDoubt
 from wrcd.estimator.signals.gate import MAX_JUMP, Outliers
-from wrcd.estimator.trust.health import PairHealth, PairState
+from wrcd.estimator.trust.health import PairState
 
 MAX_INPUTS = 2  # that a text names; of more the number
 
@@ -85,7 +86,7 @@ class Details:
         first = f"{self.name(YAW, axle)} or {self.name(LAT, axle)} stood out among its first samples"
         return ("; ".join(far) or first) + (f"; waits {wait_s:g} s" if wait_s else "")
 
-    def pair(self, axle: int, health: PairHealth) -> str:
+    def pair(self, axle: int, health: EngineHealth) -> str:
         """What speaks against gyro and accelerometer."""
         f = health.figures(axle)
         yaw, lat = self.name(YAW, axle), self.name(LAT, axle)

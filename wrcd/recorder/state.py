@@ -2,7 +2,8 @@
 
 An object's state is the fields of its dataclass, but for those that take no part in a comparison. What else it changes
 on the way (caches, results made anew) is no field: tests/unit/recorder/test_state.py names these, and finds what is
-forgotten. The compiled estimator's state is kept as the reference's. A class whose arrays may hold only some values says in is_possible whether they do.
+forgotten. The compiled estimator's state is kept as the reference's. A class whose arrays may hold only some values
+says in is_possible whether they do.
 """
 
 import base64
@@ -15,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from wrcd.estimator.compiled import CompiledEstimator
+from wrcd.estimator.native_estimator import CompiledEstimator
 
 MAX_ITEMS = 10_000  # of a list whose length the configuration does not settle
 MAX_WORD = 200  # characters or bytes

@@ -5,17 +5,17 @@ What is saved of it is a reference estimator's state, so that either goes on wit
 
 import ctypes
 from collections.abc import Iterator, Mapping
-from typing import Any, cast
+from typing import Any, ClassVar, cast
 
 import numpy as np
 
 from wrcd.estimator.design import CHANNELS, COLUMNS, MODELS, Design, FloatArray, IntArray
+from wrcd.estimator.design_table import Member, OverSpeed, members
 from wrcd.estimator.estimator import Estimator
 from wrcd.estimator.paper.bank import BoolArray
 from wrcd.estimator.paper.window import COLUMNS as SUMS
 from wrcd.estimator.records import Estimate, StepResult, Tick, Ticks
 from wrcd.estimator.signals.gate import Outliers
-from wrcd.estimator.table import Member, OverSpeed, members
 from wrcd.estimator.trust.health import HealthFigures
 from wrcd.estimator.trust.pair import BANDS
 
@@ -74,6 +74,8 @@ class CompiledResult:
 
 class CompiledEstimator:
     """Steps and answers as `Estimator` does. Raises ValueError for a design or axles beyond the library's limits."""
+
+    engine: ClassVar[str] = "Compiled"
 
     def __init__(self, library: ctypes.CDLL, design: Design, axles: int) -> None:
         self.design, self.axles, self._c = design, axles, library
@@ -244,7 +246,7 @@ def _offset(record: np.dtype[Any], name: str) -> int:
 def _record(library: ctypes.CDLL, of: int) -> np.dtype[Any]:
     """One of C's records as numpy's: each field a number or a row of them."""
     listed = library.wrcd_fields(of)
-    names, formats, offsets = [], [], []
+    names, formats, offsets = list[str](), list[Any](), list[int]()
     while (field := listed[len(names)]).name:
         is_flag = of == 3 and field.bytes < 8 * MODELS  # of a result: bytes
         count = field.bytes if is_flag else field.bytes // 8
@@ -259,10 +261,11 @@ def _structure(of: Mapping[str, Member], keeps: list[object]) -> ctypes.Structur
     kinds: list[tuple[str, Any]] = []
     values: list[Any] = []
     for name, value in of.items():
-        kind, made = _member(name, value, keeps)
+        kind, member = _member(name, value, keeps)
         kinds.append((name, kind))
-        values.append(made)
-    return type("Members", (ctypes.Structure,), {"_fields_": kinds})(*values)
+        values.append(member)
+    made: ctypes.Structure = type("Members", (ctypes.Structure,), {"_fields_": kinds})(*values)
+    return made
 
 
 def _member(name: str, value: Member, keeps: list[object]) -> tuple[Any, Any]:
