@@ -89,7 +89,14 @@ def test_package_brings_the_compiled_estimator(package: Path, tmp_path: Path) ->
 @NEEDS_DPKG
 def test_package_without_the_compiled_estimator_is_not_built(tmp_path: Path) -> None:
     (tmp_path / "site/wrcd").mkdir(parents=True)
-    words = [sys.executable, ROOT / "systemd/deb/build.py", "--site", tmp_path / "site", "-o", tmp_path / "out"]
+    words: list[str | Path] = [
+        sys.executable,
+        ROOT / "systemd/deb/build.py",
+        "--site",
+        tmp_path / "site",
+        "-o",
+        tmp_path / "out",
+    ]
     done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 1
     assert "has no compiled estimator: install gcc" in done.stderr
