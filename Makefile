@@ -186,7 +186,8 @@ build/audit/bin/pip-audit:
 	$(PYTHON) -m venv build/audit
 	build/audit/bin/python -m pip install -q --disable-pip-version-check pip-audit
 
-$(READY): requirements.lock pyproject.toml
+# the library in C is built anew when its sources change
+$(READY): requirements.lock pyproject.toml setup.py $(wildcard wrcd/*/c wrcd/*/c/*)
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	    { echo "make: $(PYTHON) must be Python 3.11 or newer; say which with make PYTHON=..." >&2; exit 2; }
 	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null || \

@@ -4,7 +4,7 @@ import hashlib
 import os
 import pickle
 import signal
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 from pathlib import Path
 
 import pytest
@@ -13,8 +13,11 @@ from hypothesis import HealthCheck, settings
 from sim_ecu.play.play import play_to_log
 from sim_ecu.play.scenario import read_scenario
 from tests.support.scenarios import LogOf
+from wrcd import native
 from wrcd.bus import dbc
 from wrcd.config.settings import parse_toml
+from wrcd.estimator.estimator import Estimator
+from wrcd.estimator.native_estimator import CompiledEstimator
 
 # Property tests. What `make test` runs is the same examples every time: a failure comes from the change at hand, on
 # every machine, and nothing needs to be kept; 300 of them found no more than 50. `make fuzz` draws others each time
@@ -86,3 +89,18 @@ def log_of(tmp_path_factory: pytest.TempPathFactory) -> LogOf:
         return made
 
     return make
+
+
+@pytest.fixture(params=[Estimator.engine, CompiledEstimator.engine])
+def engine(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """Each estimator in turn, as a core makes it."""
+    if request.param == Estimator.engine:
+        monkeypatch.setenv("WRCD_ENGINE", "reference")
+    else:
+        monkeypatch.delenv("WRCD_ENGINE", raising=False)
+    native._found.cache_clear()
+    if request.param == CompiledEstimator.engine and native.library() is None:
+        pytest.skip(str(native.slow()))
+    yield request.param
+    monkeypatch.undo()
+    native._found.cache_clear()

@@ -5,13 +5,12 @@ WRCD_ENGINE=reference in the environment does without it.
 
 import ctypes
 import os
-import sysconfig
 from functools import cache
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-ABI = 1  # WRCD_ABI of wrcd/estimator/c/wrcd_estimator.h
-_FILE = Path(__file__).with_name(f"_native{sysconfig.get_config_var('EXT_SUFFIX')}")
+_FOLDER = Path(__file__).parent
 
 
 class _Field(ctypes.Structure):
@@ -20,6 +19,8 @@ class _Field(ctypes.Structure):
 
 _pointer, _int, _long = ctypes.c_void_p, ctypes.c_int, ctypes.c_int64
 _SIGNATURES: tuple[tuple[str, Any, *tuple[Any, ...]], ...] = (
+    ("wrcd_sources", ctypes.c_char_p),
+    ("wrcd_compiler", ctypes.c_char_p),
     ("wrcd_fields", ctypes.POINTER(_Field), _int),
     ("wrcd_size", ctypes.c_size_t, _pointer, _int),
     ("wrcd_begin", None, _pointer, _pointer, _int),
@@ -38,16 +39,53 @@ _SIGNATURES: tuple[tuple[str, Any, *tuple[Any, ...]], ...] = (
 )
 
 
-@cache
-def library() -> ctypes.CDLL | None:
-    """The library; None where it was not built, or from other sources than these, or is not wanted."""
+def sources() -> str:
+    """A digest of the C files in this package: setup.py compiles it in, and a library of others is not used."""
+    digest = sha256()
+    for file in sorted(_FOLDER.glob("*/c/*.[ch]")):
+        digest.update(f"{file.relative_to(_FOLDER)}\0".encode() + file.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def load(file: Path) -> tuple[ctypes.CDLL | None, str]:
+    """A library, and the compiler that made it; None if it does not load or is of other sources, and that."""
     try:
-        c = ctypes.CDLL(str(_FILE))
-    except OSError:
-        return None
-    if c.wrcd_abi() != ABI or os.environ.get("WRCD_ENGINE") == "reference":
-        return None
-    for name, result, *arguments in _SIGNATURES:
-        function = getattr(c, name)
-        function.restype, function.argtypes = result, arguments
-    return c
+        c = ctypes.CDLL(str(file))
+        for name, result, *arguments in _SIGNATURES:
+            function = getattr(c, name)
+            function.restype, function.argtypes = result, arguments
+        compiled_from, compiler = (of().decode() for of in (c.wrcd_sources, c.wrcd_compiler))
+    except (OSError, AttributeError) as e:
+        return None, f"{file.name} cannot be used: {e}"
+    if compiled_from != sources():
+        return None, f"{file.name} is of other sources: install anew"
+    return c, compiler
+
+
+@cache
+def _found() -> tuple[ctypes.CDLL | None, str]:
+    if os.environ.get("WRCD_ENGINE") == "reference":
+        return None, "WRCD_ENGINE asks for the reference"
+    why = "none was built"
+    for file in sorted(_FOLDER.glob("_native*.so")):  # of any Python: it uses none
+        c, why = load(file)
+        if c is not None:
+            return c, why
+    return None, why
+
+
+def library() -> ctypes.CDLL | None:
+    """The library; None where it was not built, or of other sources than these, or is not wanted."""
+    return _found()[0]
+
+
+def engine() -> str:
+    """Which estimator runs, and made by what."""
+    c, by = _found()
+    return "reference (numpy)" if c is None else f"C11, compiled by {by}"
+
+
+def slow() -> str | None:
+    """One line where the compiled estimator does not run, and why; None where it does."""
+    c, why = _found()
+    return None if c is not None else f"no compiled estimator ({why}): the reference in numpy runs, some times slower"

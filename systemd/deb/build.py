@@ -1,6 +1,6 @@
 """Build the Debian package: the program with the libraries that it was tested with in /opt/wrcd, and its units.
 
-Needs dpkg-deb and the system's python3, no root. The same tree and SOURCE_DATE_EPOCH give the same bytes.
+Needs dpkg-deb, gcc and the system's python3, no root. The same tree and SOURCE_DATE_EPOCH give the same bytes.
 """
 
 import argparse
@@ -33,7 +33,7 @@ Version: {version}
 Architecture: {architecture}
 Maintainer: {maintainer}
 Installed-Size: {size}
-Depends: python{python}, libc6 (>= 2.28), libgcc-s1, libstdc++6, systemd
+Depends: python{python}, libc6 (>= 2.29), libgcc-s1, libstdc++6, systemd
 Section: misc
 Priority: optional
 Description: wheel-rail condition daemon: available adhesion on the CAN bus
@@ -108,6 +108,8 @@ def _program(tree: Path, site: Path, python: str, version: str) -> None:
     packages = home / f"lib/python{python}/site-packages"
     shutil.copytree(site, packages, ignore=shutil.ignore_patterns("__pycache__", "tests"))
     shutil.rmtree(packages / "bin", ignore_errors=True)
+    if not [*(packages / "wrcd").glob("_native*.so")]:
+        raise SystemExit(f"{site} has no compiled estimator: install gcc and libc6-dev, and build it again")
     (packages / "wrcd/__init__.py").write_text(
         (packages / "wrcd/__init__.py").read_text().replace(f'"{__version__}"', f'"{version}"')
     )

@@ -140,7 +140,9 @@ def check_running(train: Train, version: str, unit_file: str) -> None:
     assert prop("FragmentPath") == unit_file
     assert systemctl("is-enabled", UNIT) == "enabled"
     train.wait(time.time() - 0.5, seconds=PATIENCE_S)
-    assert run(WRCD, "--version").startswith(f"wrcd {version}\n")
+    said = run(WRCD, "--version")
+    assert said.startswith(f"wrcd {version}\n")
+    assert "\nestimator: C11, compiled by " in said
 
 
 def check_kept() -> None:

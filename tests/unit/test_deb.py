@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -9,12 +10,13 @@ from pathlib import Path
 
 import pytest
 
-from wrcd import __version__
+from wrcd import __version__, native
 from wrcd.cli.installation.tree import RECORD
 
 ROOT = Path(__file__).parents[2]
 NEEDS_DPKG = pytest.mark.skipif(
-    shutil.which("dpkg-deb") is None or not Path("/usr/bin/python3").exists(), reason="needs Debian's dpkg-deb"
+    shutil.which("dpkg-deb") is None or not Path("/usr/bin/python3").exists() or native.slow() is not None,
+    reason="needs Debian's dpkg-deb, and a compiled estimator",
 )
 
 
@@ -68,6 +70,36 @@ def test_package_has_units_and_program_for_everybody_to_read_and_no_rig(package:
     assert any("/wrcd/__pycache__/errors." in name for name in files)
     # no rig: it lacks what that needs
     assert not [name for name in files if "sim-ecu" in name and not name.startswith("./opt/wrcd/lib/")]
+
+
+@NEEDS_DPKG
+def test_package_brings_the_native_estimator(package: Path, tmp_path: Path) -> None:
+    subprocess.run(["dpkg-deb", "--extract", package, tmp_path], check=True)
+    (library,) = tmp_path.glob("opt/wrcd/lib/python3.*/site-packages/wrcd/_native*.so")
+    done = subprocess.run(
+        ["/usr/bin/python3", "-c", "from wrcd import native; print(native.__file__, native.engine())"],
+        cwd=tmp_path, env={"PYTHONPATH": str(library.parents[1])}, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert done.stdout.strip() == f"{library.parent / 'native.py'} {native.engine()}"
+    # the newest symbol that it takes of the C library
+    needs = max(int(minor) for minor in re.findall(rb"GLIBC_2\.(\d+)", library.read_bytes()))
+    assert int(re.findall(r"libc6 \(>= 2\.(\d+)\)", field(package, "Depends"))[0]) >= needs
+
+
+@NEEDS_DPKG
+def test_package_without_the_native_estimator_is_not_built(tmp_path: Path) -> None:
+    (tmp_path / "site/wrcd").mkdir(parents=True)
+    words: list[str | Path] = [
+        sys.executable,
+        ROOT / "systemd/deb/build.py",
+        "--site",
+        tmp_path / "site",
+        "-o",
+        tmp_path / "out",
+    ]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 1
+    assert "has no compiled estimator: install gcc" in done.stderr
 
 
 @pytest.mark.parametrize("installed_since", [False, True])

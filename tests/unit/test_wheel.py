@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.scenarios import LogOf, held
+from wrcd import native
 
 ROOT = Path(__file__).parents[2]
 WRCD = "import sys, wrcd; print(wrcd.__file__, file=sys.stderr); from wrcd.cli.main import main; sys.exit(main())"
@@ -44,6 +45,11 @@ def test_replay_works_from_the_installed_wheel(installed: Path, log_of: LogOf, t
     done = run(installed, WRCD, "replay", str(log_of(held("C"))), "--csv", str(table))
     assert str(installed) in done.stderr
     assert table.read_text().splitlines()[-4].split(",")[2] == "Valid"
+
+
+def test_wheel_brings_the_native_estimator(installed: Path) -> None:
+    """Where there is a compiler; and this tree has it, too."""
+    assert f"\nestimator: {native.engine()}\n" in run(installed, WRCD, "--version").stdout
 
 
 def test_kit_is_written_from_the_installed_wheel(installed: Path, tmp_path: Path) -> None:

@@ -118,7 +118,7 @@ def version_lines(program: str) -> list[str]:
     import json
     import platform
 
-    from wrcd import __version__, resources
+    from wrcd import __version__, native, resources
     from wrcd.recorder.state_file import FORMAT
 
     design = json.loads(resources.DESIGN.read_text(encoding="utf-8"))
@@ -128,6 +128,7 @@ def version_lines(program: str) -> list[str]:
         f"design  {design['name']} {design['checksum'][:12]}, {design['format']}",
         f"state   {FORMAT}",
         "log     candump -L",
+        f"estimator: {native.engine()}",
         f"with    Python {platform.python_version()}, {found}, {platform.system()} {platform.release()}",
     ]
 

@@ -1,6 +1,7 @@
 """`wrcd replay`."""
 
 import argparse
+import sys
 from pathlib import Path
 
 from wrcd.cli.arguments import add_axle, add_config, add_design, seconds
@@ -52,11 +53,14 @@ def _add(p: argparse.ArgumentParser) -> None:
 
 
 def _run(args: argparse.Namespace) -> int:
+    from wrcd import native
     from wrcd.config.packaged_designs import design_path
     from wrcd.logs.feed import Selection
     from wrcd.logs.replay import ReplayInputs, replay, replays
     from wrcd.logs.replay_outputs import Outputs
 
+    if (slow := native.slow()) is not None:
+        print(f"wrcd: {slow}", file=sys.stderr)
     selection = Selection(args.begin, args.end, args.relative, tuple(args.axle), args.channel)
     outputs = Outputs(args.output, args.csv, args.events, args.mf4, args.mcap)
     inputs = ReplayInputs(args.config, None if args.design is None else design_path(args.design))

@@ -43,6 +43,7 @@ def _run(args: argparse.Namespace) -> int:
                 raise
     link: Link
     try:
+        from wrcd import native
         from wrcd.bus.opening import open_link
         from wrcd.config.config import load_config_to_run
         from wrcd.core.core import Core
@@ -75,6 +76,8 @@ def _run(args: argparse.Namespace) -> int:
         f"{link.name}, axles {', '.join(str(a.number) for a in config.axles)}, design {config.design.name} "
         f"{config.design.checksum[:12]}"
     )
+    if (slow := native.slow()) is not None:
+        log_line(slow)
     if args.lock_memory and (reason := lock()):
         log_line(f"memory is not locked: {reason}; set LimitMEMLOCK=infinity (realtime.conf)")
     # On a terminal SIGHUP means that the terminal is gone, to a service that its configuration is to be read again.

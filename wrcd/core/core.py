@@ -99,7 +99,7 @@ class Core:
         self._tick = self._inputs.close_tick(0)  # the newest that was closed
         self._validity = ValidityMonitor(config.design.window_ticks, n)
         self._is_reset = [True] * n
-        self._outbox = Outbox(config)
+        self._outbox = Outbox(config, self.estimator.engine)
         self._outlier_us = [NEVER] * n
         self._backoff = Backoff(n, config.design.tick_s)
         self._reports: list[Report] = []  # of the newest slot

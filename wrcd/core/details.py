@@ -12,7 +12,7 @@ from wrcd.core.inputs import BRAKE, LAT, LOAD, QUANTITIES, RADIUS, SPEED, TORQUE
 from wrcd.core.validity import LOAD_SHARES, RADIUS_SHARES, ValidityMonitor
 from wrcd.estimator.answer import HARSH_SHARE, MIN_M
 from wrcd.estimator.design import MODELS
-from wrcd.estimator.engine import AnyHealth
+from wrcd.estimator.engine import EngineHealth
 from wrcd.estimator.paper.fuzzy import MIN_FIRING
 from wrcd.estimator.records import Estimate, EstimateDoubt
 from wrcd.estimator.signals.gate import MAX_JUMP, Outliers
@@ -86,7 +86,7 @@ class Details:
         first = f"{self.name(YAW, axle)} or {self.name(LAT, axle)} stood out among its first samples"
         return ("; ".join(far) or first) + (f"; waits {wait_s:g} s" if wait_s else "")
 
-    def pair(self, axle: int, health: AnyHealth) -> str:
+    def pair(self, axle: int, health: EngineHealth) -> str:
         """What speaks against gyro and accelerometer."""
         f = health.figures(axle)
         yaw, lat = self.name(YAW, axle), self.name(LAT, axle)

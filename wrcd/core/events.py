@@ -16,7 +16,7 @@ from wrcd.core.details import Details
 from wrcd.core.inputs import Inputs, TickInputs
 from wrcd.core.messages import Report
 from wrcd.core.validity import OF_ESTIMATE, OF_PAIR, Standing, ValidityMonitor
-from wrcd.estimator.engine import AnyHealth
+from wrcd.estimator.engine import EngineHealth
 from wrcd.estimator.records import Estimate
 
 COLUMNS = ("time_s", "axle", "from", "to", "cause", "detail")
@@ -121,7 +121,7 @@ class Events:
         self._details[axle][Cause.RESTARTED] = _cut(why)
 
     def standing(
-        self, standing: Sequence[Standing], inputs: Inputs, validity: ValidityMonitor, health: AnyHealth, end_us: int
+        self, standing: Sequence[Standing], inputs: Inputs, validity: ValidityMonitor, health: EngineHealth, end_us: int
     ) -> Mapping[int, str]:
         """How it is, by axle (its place): of those whose standing differs from that at the slot before."""
         if standing == self._standing:

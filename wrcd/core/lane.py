@@ -36,8 +36,8 @@ from wrcd.core.plausibility import MIN_RUN, JumpCheck, StuckCheck
 from wrcd.core.slot import SlotReports
 from wrcd.core.validity import LOAD_SHARES, OF_ESTIMATE, OF_PAIR, RADIUS_SHARES
 from wrcd.core.vocabulary import CONFIDENCES, SURFACES, words_of
-from wrcd.estimator.compiled_estimator import CompiledEstimator
 from wrcd.estimator.design import FloatArray
+from wrcd.estimator.native_estimator import CompiledEstimator
 from wrcd.estimator.records import EstimateDoubt, StepResult
 from wrcd.estimator.trust.health import PairState
 

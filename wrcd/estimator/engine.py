@@ -1,13 +1,13 @@
 """Which estimator runs: the compiled one where its library is there, else the reference in numpy."""
 
-from wrcd.estimator.compiled_estimator import CompiledEstimator, CompiledHealth
 from wrcd.estimator.design import Design
 from wrcd.estimator.estimator import Estimator
+from wrcd.estimator.native_estimator import CompiledEstimator, CompiledHealth
 from wrcd.estimator.trust.health import PairHealth
 from wrcd.native import library
 
 Engine = Estimator | CompiledEstimator
-AnyHealth = PairHealth | CompiledHealth  # of either
+EngineHealth = PairHealth | CompiledHealth
 
 
 def make_estimator(design: Design, axles: int) -> Engine:

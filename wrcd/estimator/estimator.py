@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator
 from copy import copy
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -31,6 +32,7 @@ class Estimator:
     wider interval. While nothing changes the words on it are fused.
     """
 
+    engine: ClassVar[str] = "Reference"  # in WrcdStatus's words
     _bank: Bank
     _offset: Offset
     _gate: Gate

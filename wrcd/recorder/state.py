@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from wrcd.estimator.compiled_estimator import CompiledEstimator
+from wrcd.estimator.native_estimator import CompiledEstimator
 
 MAX_ITEMS = 10_000  # of a list whose length the configuration does not settle
 MAX_WORD = 200  # characters or bytes

@@ -15,6 +15,8 @@ from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import MAX_AXLES
 from wrcd.core.counts import State
 from wrcd.core.vocabulary import DROP_AHEAD
+from wrcd.estimator.estimator import Estimator
+from wrcd.estimator.native_estimator import CompiledEstimator
 
 ROOT = Path(__file__).parents[3]
 MESSAGES = {
@@ -165,6 +167,7 @@ def test_labels_are_those_that_the_code_sends(production: Database) -> None:
     """Each of these words is one that the daemon uses, and it uses no other."""
     assert words(production, "Adhesion_A3", "Validity") == {v.value for v in Validity}
     assert words(production, "WrcdStatus", "State") == set(get_args(State))
+    assert words(production, "WrcdStatus", "Engine") == {Estimator.engine, CompiledEstimator.engine}
     assert words(production, "WrcdLink", "LinkState") == set(get_args(LinkState))
 
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import pytest
 
 from sim_ecu.cli.main import main as rig_main
-from wrcd import resources
+from wrcd import native, resources
 from wrcd.cli import program as program_of_both
 from wrcd.cli.main import main
 from wrcd.estimator import design
@@ -31,8 +31,9 @@ def test_version_names_package_design_and_formats(
         f"state   {state_file.FORMAT}",
         "log     candump -L",
     ]
+    assert said[4] == f"estimator: {native.engine()}"
     assert re.fullmatch(
-        r"with    Python 3\.\d+\.\S+, numpy \d\S+, cantools \d\S+, python-can \d\S+, Linux \S+", said[4]
+        r"with    Python 3\.\d+\.\S+, numpy \d\S+, cantools \d\S+, python-can \d\S+, Linux \S+", said[5]
     )
 
 

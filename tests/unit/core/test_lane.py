@@ -16,7 +16,7 @@ from wrcd.bus.frame import Frame
 from wrcd.config.config import load_config, packaged
 from wrcd.core.core import Core
 from wrcd.core.messages import Outgoing
-from wrcd.estimator.compiled_estimator import CompiledEstimator
+from wrcd.estimator.native_estimator import CompiledEstimator
 from wrcd.recorder.state import capture, encode
 
 MOST_AT_ONCE = 300

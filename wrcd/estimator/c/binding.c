@@ -1,6 +1,16 @@
 /* What only wrcd's Python asks of the estimator: many ticks at once, the rules' inputs, and where what lies in a state. */
 #include "parts.h"
 
+#ifndef WRCD_SOURCES
+#define WRCD_SOURCES ""
+#endif
+#if defined __clang__
+#define COMPILER __VERSION__ /* "Clang 14.0.6" */
+#elif defined __GNUC__
+#define COMPILER "gcc " __VERSION__
+#else
+#define COMPILER "a C11 compiler"
+#endif
 
 typedef struct { const char *name; size_t offset, bytes; } field;
 
@@ -16,7 +26,9 @@ static const field RESULT[] = {
     IN_RESULT(innovations) IN_RESULT(whitened) IN_RESULT(accepted) IN_RESULT(outliers) IN_RESULT(near_pulse)
     IN_RESULT(in_window) IN_RESULT(live) IN_RESULT(calm) IN_RESULT(needs_reset){"", sizeof(wrcd_result), 0}};
 
-int wrcd_abi(void) { return WRCD_ABI; }
+/* The digest of the sources that setup.py compiled, and what compiled them. */
+const char *wrcd_sources(void) { return WRCD_SOURCES; }
+const char *wrcd_compiler(void) { return COMPILER; }
 
 /* The fields of an axle's state, a train's, an estimate, a result, by `of`; behind the last one, without a name, its size. */
 const field *wrcd_fields(int of)

@@ -5,12 +5,16 @@ What is saved of it is a reference estimator's state, so that either goes on wit
 
 import ctypes
 from collections.abc import Iterator, Mapping
-from typing import Any, cast
+from typing import Any, ClassVar, cast
 
 import numpy as np
 
 from wrcd.estimator.design import CHANNELS, COLUMNS, MODELS, Design, FloatArray, IntArray
+<<<<<<<< HEAD:wrcd/estimator/native_estimator.py
 from wrcd.estimator.design_members import IN_PLACE, Member, OverSpeed, members
+========
+from wrcd.estimator.design_members import Member, OverSpeed, members
+>>>>>>>> 8df0f61e82ad941210b820c9b3bc2b3e7935ed4c:wrcd/estimator/native_estimator.py
 from wrcd.estimator.estimator import Estimator
 from wrcd.estimator.paper.bank import BoolArray
 from wrcd.estimator.paper.window import COLUMNS as SUMS
@@ -74,6 +78,8 @@ class CompiledResult:
 
 class CompiledEstimator:
     """Steps and answers as `Estimator` does. Raises ValueError for a design or axles beyond the library's limits."""
+
+    engine: ClassVar[str] = "Compiled"
 
     def __init__(self, library: ctypes.CDLL, design: Design, axles: int) -> None:
         self.design, self.axles, self.library = design, axles, library
@@ -250,9 +256,13 @@ def _offset(record: np.dtype[Any], name: str) -> int:
 def _record(library: ctypes.CDLL, of: int) -> np.dtype[Any]:
     """One of C's records as numpy's: each field a number or a row of them."""
     listed = library.wrcd_fields(of)
+<<<<<<<< HEAD:wrcd/estimator/native_estimator.py
     names: list[str] = []
     formats: list[Any] = []
     offsets: list[int] = []
+========
+    names, formats, offsets = list[str](), list[Any](), list[int]()
+>>>>>>>> 8df0f61e82ad941210b820c9b3bc2b3e7935ed4c:wrcd/estimator/native_estimator.py
     while (field := listed[len(names)]).name:
         is_flag = of == 3 and field.bytes < 8 * MODELS  # of a result: bytes
         count = field.bytes if is_flag else field.bytes // 8
@@ -267,11 +277,17 @@ def _structure(of: Mapping[str, Member], keeps: list[object]) -> Any:
     kinds: list[tuple[str, Any]] = []
     values: list[Any] = []
     for name, value in of.items():
-        kind, made = _member(name, value, keeps)
+        kind, member = _member(name, value, keeps)
         kinds.append((name, kind))
+<<<<<<<< HEAD:wrcd/estimator/native_estimator.py
         values.append(made)
     structure: Any = type("Members", (ctypes.Structure,), {"_fields_": kinds})(*values)
     return structure
+========
+        values.append(member)
+    made: ctypes.Structure = type("Members", (ctypes.Structure,), {"_fields_": kinds})(*values)
+    return made
+>>>>>>>> 8df0f61e82ad941210b820c9b3bc2b3e7935ed4c:wrcd/estimator/native_estimator.py
 
 
 def _member(name: str, value: Member, keeps: list[object]) -> tuple[Any, Any]:
