@@ -19,10 +19,7 @@ class OverSpeed(NamedTuple):
 
 
 Member = float | int | OverSpeed | np.ndarray | tuple[np.ndarray, ...] | Mapping[str, "Member"] | None
-<<<<<<<< HEAD:wrcd/estimator/design_members.py
 IN_PLACE = ("noise_rms", "sets")  # short arrays that stand in the table; of others it has the address
-========
->>>>>>>> 8df0f61e82ad941210b820c9b3bc2b3e7935ed4c:wrcd/estimator/design_table.py
 
 
 def members(d: Design) -> dict[str, Member]:

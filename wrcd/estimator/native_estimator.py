@@ -10,11 +10,7 @@ from typing import Any, ClassVar, cast
 import numpy as np
 
 from wrcd.estimator.design import CHANNELS, COLUMNS, MODELS, Design, FloatArray, IntArray
-<<<<<<<< HEAD:wrcd/estimator/native_estimator.py
 from wrcd.estimator.design_members import IN_PLACE, Member, OverSpeed, members
-========
-from wrcd.estimator.design_members import Member, OverSpeed, members
->>>>>>>> 8df0f61e82ad941210b820c9b3bc2b3e7935ed4c:wrcd/estimator/native_estimator.py
 from wrcd.estimator.estimator import Estimator
 from wrcd.estimator.paper.bank import BoolArray
 from wrcd.estimator.paper.window import COLUMNS as SUMS
@@ -256,13 +252,7 @@ def _offset(record: np.dtype[Any], name: str) -> int:
 def _record(library: ctypes.CDLL, of: int) -> np.dtype[Any]:
     """One of C's records as numpy's: each field a number or a row of them."""
     listed = library.wrcd_fields(of)
-<<<<<<<< HEAD:wrcd/estimator/native_estimator.py
-    names: list[str] = []
-    formats: list[Any] = []
-    offsets: list[int] = []
-========
     names, formats, offsets = list[str](), list[Any](), list[int]()
->>>>>>>> 8df0f61e82ad941210b820c9b3bc2b3e7935ed4c:wrcd/estimator/native_estimator.py
     while (field := listed[len(names)]).name:
         is_flag = of == 3 and field.bytes < 8 * MODELS  # of a result: bytes
         count = field.bytes if is_flag else field.bytes // 8
@@ -279,15 +269,9 @@ def _structure(of: Mapping[str, Member], keeps: list[object]) -> Any:
     for name, value in of.items():
         kind, member = _member(name, value, keeps)
         kinds.append((name, kind))
-<<<<<<<< HEAD:wrcd/estimator/native_estimator.py
-        values.append(made)
-    structure: Any = type("Members", (ctypes.Structure,), {"_fields_": kinds})(*values)
-    return structure
-========
         values.append(member)
     made: ctypes.Structure = type("Members", (ctypes.Structure,), {"_fields_": kinds})(*values)
     return made
->>>>>>>> 8df0f61e82ad941210b820c9b3bc2b3e7935ed4c:wrcd/estimator/native_estimator.py
 
 
 def _member(name: str, value: Member, keeps: list[object]) -> tuple[Any, Any]:
