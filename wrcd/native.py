@@ -31,6 +31,7 @@ _SIGNATURES: tuple[tuple[str, Any, *tuple[Any, ...]], ...] = (
     ("wrcd_torque_now", ctypes.c_double, _pointer, _pointer, _int),
     ("wrcd_inputs_of", None, _pointer, _pointer, _int, _int, ctypes.c_double, _pointer),
     ("wrcd_steps", None, _pointer, _pointer, _int, _pointer),
+    ("wrcd_features_of", None, _pointer, _pointer, _int, _pointer),
 )
 
 

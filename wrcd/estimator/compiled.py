@@ -16,7 +16,7 @@ from wrcd.estimator.paper.window import COLUMNS as SUMS
 from wrcd.estimator.records import Estimate, StepResult, Tick, Ticks
 from wrcd.estimator.signals.gate import Outliers
 from wrcd.estimator.table import Member, OverSpeed, members
-from wrcd.estimator.trust.health import HealthFigures
+from wrcd.estimator.trust.health import FEATURES, HealthFigures
 from wrcd.estimator.trust.pair import BANDS
 
 # Where in a reference estimator what the C state names lies. Its arrays have the axles last.
@@ -158,6 +158,13 @@ class CompiledEstimator:
         out = np.zeros((self.axles, MODELS))
         for axle in range(self.axles):
             self._c.wrcd_steps(self._e, self._d, axle, _address(out[axle]))
+        return out
+
+    def features(self) -> FloatArray:
+        """(n, FEATURES) that pairs of sensors are judged by, after a look."""
+        out = np.zeros((self.axles, FEATURES))
+        for axle in range(self.axles):
+            self._c.wrcd_features_of(self._e, self._d, axle, _address(out[axle]))
         return out
 
     def reference(self) -> Estimator:

@@ -1,12 +1,11 @@
 """A design as the table that the C estimator reads: member by member of `wrcd_design`, in the header's order."""
 
-import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 
-from wrcd.estimator.design import MODELS, Design, FloatArray, closed_loop
+from wrcd.estimator.design import Design, FloatArray, closed_loop
 from wrcd.estimator.paper.fuzzy import Fuzzy
 from wrcd.estimator.paper.window import Lengths
 from wrcd.estimator.trust.pair import SLOWEST_M_S

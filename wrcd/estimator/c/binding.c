@@ -61,3 +61,9 @@ void wrcd_steps(const wrcd_estimator *e, const wrcd_design *d, int axle, double 
     wrcd_window_sums(e, d, axle, d->recent, d->usual, false, rest);
     wrcd_window_decades(newer, rest, d->min_ticks, decades);
 }
+
+/* What a pair of sensors is judged by, after a look: features of the newest span in which it had data, and of the longer means. */
+void wrcd_features_of(const wrcd_estimator *e, const wrcd_design *d, int axle, double features[WRCD_PAIR_FEATURES])
+{
+    wrcd_pair_features(&e->axle[axle], e->speed_m_s, wrcd_answer_torque_now(e, d, axle), features);
+}
