@@ -32,6 +32,8 @@ _SIGNATURES: tuple[tuple[str, Any, *tuple[Any, ...]], ...] = (
     ("wrcd_inputs_of", None, _pointer, _pointer, _int, _int, ctypes.c_double, _pointer),
     ("wrcd_steps", None, _pointer, _pointer, _int, _pointer),
     ("wrcd_features_of", None, _pointer, _pointer, _int, _pointer),
+    ("wrcd_lane_run", _int, *(_pointer,) * 6, _long, _pointer),
+    ("wrcd_lane_bytes", _int, _int),
 )
 
 

@@ -35,6 +35,10 @@ def parse_line(line: bytes) -> tuple[Frame, str] | None:
 
 def format_line(frame: Frame, channel: str) -> str:
     """A frame as candump writes it."""
+    seconds, us = divmod(frame.stamp_us, 1_000_000)
+    if not (frame.remote or frame.error or frame.fd or frame.extra):  # almost always
+        ident = f"{frame.can_id:08X}" if frame.extended else f"{frame.can_id:03X}"
+        return f"({seconds:010d}.{us:06d}) {channel} {ident}#{frame.data.hex().upper()}"
     number = frame.can_id | (_ERROR_FLAG if frame.error else 0)
     ident = f"{number:08X}" if frame.extended or frame.error else f"{number:03X}"
     extra, tail = frame.extra, ""
@@ -44,5 +48,4 @@ def format_line(frame: Frame, channel: str) -> str:
         mark = f"#R8_{extra:X}" if extra > 8 else f"#R{extra}" if extra else "#R"
     else:
         mark, tail = "#", f"_{extra:X}" if extra > 8 else ""
-    stamp = f"({frame.stamp_us // 1_000_000:010d}.{frame.stamp_us % 1_000_000:06d})"
-    return f"{stamp} {channel} {ident}{mark}{frame.data.hex().upper()}{tail}"
+    return f"({seconds:010d}.{us:06d}) {channel} {ident}{mark}{frame.data.hex().upper()}{tail}"

@@ -114,13 +114,13 @@ class Checker:
         return self._candidate is not None and self._candidate_frames >= CANDIDATE_FRAMES - 1
 
     @property
-    def _is_suspicious(self) -> bool:
+    def is_suspicious(self) -> bool:
         """Whether another chain has been seen, or nobody is believed."""
         return self._candidate is not None or self._moves > 0 or self._quarantine_frames > 0
 
     def goes_on(self, counters: Sequence[int]) -> bool:
         """Whether nothing is suspected and each counter of frames on end continues the chain."""
-        if self._is_suspicious or max(counters) >= COUNTER_MODULO:
+        if self.is_suspicious or max(counters) >= COUNTER_MODULO:
             return False
         before = counters if self._last is None else [self._last, *counters]
         return all(_continues(a, b) for a, b in itertools.pairwise(before))
@@ -140,7 +140,7 @@ class Checker:
             return Reason.COUNTER
         last = self._last
         if last is None or _continues(last, counter):
-            if self._is_suspicious:
+            if self.is_suspicious:
                 return self._go_on(counter, data, stamp_us)
             self.follow(counter, data, stamp_us, 1)
             return None

@@ -171,7 +171,7 @@ class MessageReader:
         odd = odd or any(isinstance(s, KeptStatus) for s in self.statuses)
         # the byte order of a plain message; None: not plain
         self.order: Order | None = None if odd else common_order([f.position for f in fields])
-        self._status_bits, self._all_ok = self._combined()
+        self.good_statuses = self._status_bits, self._all_ok = self._combined()
 
     def _combined(self) -> tuple[int, frozenset[int]]:
         """The bits of all statuses of a plain message, and what they are where each is good. Where there are too many

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from functools import cached_property
 
 from wrcd.bus.dbc import Message, Signal, data_id, find_signal
 from wrcd.bus.e2e import COUNTER_MODULO, protect
@@ -25,15 +26,26 @@ class SignalWriter:
         self._high = math.inf if high is None else float(high)
         self._scale, self._offset = float(s.scale), float(s.offset)
         self._factor = sent.factor
-        self._rounds_down = sent.round_down
+        self.rounds_down = sent.round_down
         # a raw value that is rounded down is a smaller number, where the scale turns the sign a greater one
-        down = math.floor if self._scale * self._factor > 0 else math.ceil
-        self._round = down if sent.round_down else round
+        down = -1 if self._scale * self._factor > 0 else 1
+        self.rounds = down if sent.round_down else 0
+        self._round = (round, math.ceil, math.floor)[self.rounds]
         self._not_available = self._raw_of_not_available(s, labels, sent)
         # whichever byte order, the frame is one whole number with its first byte lowest or highest
         self.order, self.shift, self.mask, _ = position(s, length)
         self.others = ~(self.mask << self.shift)
         self.words: dict[Value, int] = {word: (raw & self.mask) << self.shift for word, raw in self.labels.items()}
+
+    @property
+    def numbers(self) -> tuple[float, float, float, float, float]:
+        """Of a number: factor, lowest and highest, then scale and offset of its raw value."""
+        return self._factor, self._low, self._high, self._scale, self._offset
+
+    @property
+    def raws(self) -> tuple[int, int, int]:
+        """The lowest and the highest raw value of a number, and that of none."""
+        return self._lowest, self._highest, self._not_available
 
     def _raw_of_not_available(self, s: Signal, labels: Mapping[str, int], sent: OutputSignal) -> int:
         """What says so; a number is kept off it."""
@@ -58,7 +70,7 @@ class SignalWriter:
             return self._not_available
         value *= self._factor
         if value < self._low:
-            if self._rounds_down and self._low > 0:  # the least that can be sent would be more than it is
+            if self.rounds_down and self._low > 0:  # the least that can be sent would be more than it is
                 return self._not_available
             value = self._low
         elif value > self._high:
@@ -72,36 +84,39 @@ class Writer:
 
     def __init__(self, message: Message, output: Output | None = None) -> None:
         self._message = message
-        self._data_id = data_id(message) if output is None else output.data_id
+        self.data_id = data_id(message) if output is None else output.data_id
         self.cycle_us = 0 if output is None else output.cycle_us
-        self._length, self._fd = frame_length(message), is_fd(message)
+        self.length, self.fd = frame_length(message), is_fd(message)
         self._rest = {s.name: int(s.raw_initial or 0) for s in message.signals}
         sent = {s.name: OutputSignal(s.name) for s in message.signals} if output is None else output.signals
-        self._writers = {name: SignalWriter(find_signal(message, s.name), self._length, s) for name, s in sent.items()}
+        self.writers = {name: SignalWriter(find_signal(message, s.name), self.length, s) for name, s in sent.items()}
         self._names = {name: s.name for name, s in sent.items()}
         odd = message.is_multiplexed() or any(s.is_float for s in message.signals)
-        order = common_order([position(s, self._length) for s in message.signals])
-        self._order: Order | None = None if odd else order
-        self._start: int | None = None  # what the frame is before the values are put in; made when it is first needed
-        self.can_id, self._extended = message.frame_id, message.is_extended_frame
+        order = common_order([position(s, self.length) for s in message.signals])
+        self.order: Order | None = None if odd else order
+        self.can_id, self.extended = message.frame_id, message.is_extended_frame
+
+    @cached_property
+    def start(self) -> int:
+        """What the frame of a plain message is, as a whole number, before the values are put in."""
+        assert self.order is not None
+        return int.from_bytes(self._encoded({}), self.order)
 
     def frame(self, stamp_us: int, slot: int, values: Mapping[str, Value]) -> Frame:
         """The frame of a slot. Values of signals that the message lacks are left out."""
-        if self._order is None:
-            raw = {self._names[name]: w.raw(values[name]) for name, w in self._writers.items() if name in values}
+        if self.order is None:
+            raw = {self._names[name]: w.raw(values[name]) for name, w in self.writers.items() if name in values}
             data = self._encoded(raw)
         else:
-            if self._start is None:
-                self._start = int.from_bytes(self._encoded({}), self._order)
-            number = self._start
+            number = self.start
             for name, value in values.items():
-                found = self._writers.get(name)
+                found = self.writers.get(name)
                 if found is not None:
                     bits = found.words.get(value) if value.__class__ is str else None
                     if bits is None:
                         bits = (found.raw(value) & found.mask) << found.shift
                     number = number & found.others | bits
-            data = number.to_bytes(self._length, self._order)
+            data = number.to_bytes(self.length, self.order)
         return self._protected(stamp_us, slot, data)
 
     def raw_frame(self, stamp_us: int, slot: int, raw: Mapping[str, float]) -> Frame:
@@ -111,9 +126,9 @@ class Writer:
     def _encoded(self, raw: Mapping[str, float]) -> bytes:
         """Raw values, and the DBC's start values of all other signals, by cantools."""
         data = self._message.encode({**self._rest, **raw}, scaling=False, strict=False)
-        return data.ljust(self._length, b"\0")
+        return data.ljust(self.length, b"\0")
 
     def _protected(self, stamp_us: int, slot: int, data: bytes) -> Frame:
-        if self._data_id is not None:
-            data = protect(data, self._data_id, slot % COUNTER_MODULO)
-        return Frame(stamp_us, self.can_id, data, extended=self._extended, fd=self._fd)
+        if self.data_id is not None:
+            data = protect(data, self.data_id, slot % COUNTER_MODULO)
+        return Frame(stamp_us, self.can_id, data, extended=self.extended, fd=self.fd)

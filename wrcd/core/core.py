@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wrcd.bus.batch import Records, frames_of
 from wrcd.bus.codec import MessageReader, Receiver, Sample, Value
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
@@ -29,11 +30,12 @@ from wrcd.core.details import Details
 from wrcd.core.events import Events
 from wrcd.core.front import Front
 from wrcd.core.input_buffers import NEVER
+from wrcd.core.lane import NOTE, SLOT, Lane, fits
 from wrcd.core.inputs import YAW, Inputs, TickInputs
 from wrcd.core.messages import NAMES, Outbox, Outgoing, Report
 from wrcd.core.slot import Slot, SlotReports, frames, reports
 from wrcd.core.validity import Backoff, ValidityMonitor, tick_causes
-from wrcd.estimator.design import CHANNELS
+from wrcd.estimator.design import CHANNELS, FloatArray
 from wrcd.estimator.engine import Engine, make_estimator
 from wrcd.estimator.records import Estimate, StepResult, Tick
 
@@ -43,15 +45,6 @@ SILENCE_US = 1_000_000  # without a mapped frame: longer, and nothing that was k
 
 
 Dues = tuple[int, ...]  # cycles (in µs) of the frames that are due
-
-
-class Decoded(NamedTuple):
-    """The samples of a mapped frame, read ahead of their turn: only where Core.goes_on_from() holds."""
-
-    stamp_us: int
-    reader: MessageReader
-    samples: Sequence[Sample]
-    is_checked: bool  # by Core.check_all()
 
 
 class Observer:
@@ -110,7 +103,7 @@ class Core:
         self._outbox = Outbox(config)
         self._outlier_us = [NEVER] * n
         self._backoff = Backoff(n, config.design.tick_s)
-        self.reports: list[Report] = []  # of the newest slot
+        self._reports: list[Report] = []  # of the newest slot
         self._slot_reports: list[SlotReports] | None = (
             None  # slot by slot, since it was taken last; None: nobody takes it
         )
@@ -119,7 +112,9 @@ class Core:
         self._front = None if positions_m is None else Front(positions_m, config.design.tick_s)
         self._ahead = None if positions_m is None else Ahead([a.number for a in config.axles])
         self._adviser = None if config.advice is None else Adviser(n, config.advice)
+        self.explains = True  # what feed_batch() makes comes with its estimate, as what feed() makes
         self.muted = False  # make no frames: nobody would send them
+        self._lane = Lane(self, (SILENCE_US, FORWARD_STEP_US, BACKWARD_STEP_US)) if fits(self) else None
 
     @property
     def speed_m_s(self) -> float:
@@ -136,8 +131,22 @@ class Core:
         """Begin of the open tick: every tick before it is closed. None before the first frame."""
         return None if self._open is None else self._open * self._period_us
 
+    @property
+    def reports(self) -> list[Report]:
+        """Of every axle at the newest slot."""
+        self._take_told()
+        return self._reports
+
+    def _take_told(self) -> None:
+        """Take what slots have told in the lane."""
+        if self._lane is not None and (told := self._lane.reports(newest_alone=self._slot_reports is None)):
+            self._reports = list(told[-1].reports)
+            if self._slot_reports is not None:
+                self._slot_reports += told
+
     def take_reports(self) -> list[SlotReports]:
         """The reports of each slot since the last call; from the first call on they are kept."""
+        self._take_told()
         reports, self._slot_reports = self._slot_reports or [], []
         return reports
 
@@ -148,46 +157,68 @@ class Core:
 
     def reconfigure(self, config: Config) -> None:
         """Go on with other limits from the next tick on; everything else in config must be as it was."""
+        self.settle()
         self.config = config
         self._inputs.apply_limits(config)
         self.events.describe = Details(config)
+        if self._lane is not None:
+            self._lane.apply_limits()
 
-    def feed(self, received: Frame | Decoded) -> list[Outgoing]:
-        """Take a frame, or its samples; return what was due before its stamp. What is not mapped changes nothing.
+    def settle(self) -> None:
+        """Take back what the fast lane has borrowed: before anything else reads or changes the core's state."""
+        if self._lane is not None:
+            self._lane.give_back()
+
+    def feed_batch(self, records: Records) -> list[Outgoing]:
+        """Take classical frames, as feed() does each: in C while nothing happens."""
+        out: list[Outgoing] = []
+        at, lane = 0, self._lane
+        while at < len(records):
+            if lane is None or not lane.is_open():
+                for frame in frames_of(records[at : at + 1]):
+                    out += self.feed(frame)
+                at += 1
+                continue
+            stop, at = lane.take(records, at)
+            out += lane.made()
+            if stop in (SLOT, NOTE):
+                out += self._after_tick_of(lane, stop)
+        if lane is not None and lane.is_lent:
+            lane.report()
+        return out
+
+    def _after_tick_of(self, lane: Lane, stop: int) -> list[Outgoing]:
+        """What a tick that the lane has closed leaves to do: to note outliers and resets, and the frames that are due."""
+        self._take_told()
+        due, number = lane.due, lane.newest
+        if stop == NOTE:
+            lane.give_back()
+            self._note_outliers(number, lane.yaw_rate, self.estimator.newest)
+        else:
+            lane.report()
+        out = [] if not due or self.muted else self._due((number + 1) * self._period_us, due)
+        if lane.is_lent:
+            lane.was_told()
+        return out
+
+    def feed(self, frame: Frame) -> list[Outgoing]:
+        """Take a frame; return what was due before its stamp. What is not mapped changes nothing.
 
         It is accepted or rejected here, whole, for what its reader or the plausibility checks find.
         """
-        stamp_us = received.stamp_us
-        if isinstance(received, Decoded):
-            reader, out = received.reader, self._move_to(stamp_us)
-            samples: Sequence[Sample] | Reason = received.samples
+        self.settle()
+        reader = self.receiver.reader(frame)
+        if reader is None:
+            return []
+        stamp_us = frame.stamp_us
+        out, samples = self._move_to(stamp_us), reader.read(frame)
+        reason = samples if isinstance(samples, Reason) else self._inputs.check(samples, stamp_us)
+        if reason is None:
+            self._accept(samples, stamp_us)
         else:
-            found = self.receiver.reader(received)
-            if found is None:
-                return []
-            reader, out = found, self._move_to(stamp_us)
-            samples = reader.read(received)
-        if isinstance(samples, Reason):
-            reason: Reason | None = samples
-        else:
-            is_checked = isinstance(received, Decoded) and received.is_checked
-            reason = None if is_checked else self._inputs.check(samples, stamp_us)
-            if reason is None:
-                self._accept(samples, stamp_us)
-        if reason is not None:
             self.counts.reject(reader.name, reason)
-            concerned = reader.numbers if isinstance(received, Decoded) else reader.concerned(received, reason)
-            self._inputs.reject(concerned, stamp_us, reason)
+            self._inputs.reject(reader.concerned(frame, reason), stamp_us, reason)
         return out
-
-    def check_all(self, source: int, values: Sequence[float], stamps_us: Sequence[int]) -> bool:
-        """Check many samples of one input at once, before they are fed as checked; False: feed() has to check each."""
-        return self._inputs.check_all(source, values, stamps_us)
-
-    def goes_on_from(self, stamp_us: int) -> bool:
-        """Whether a frame with this stamp is neither a step of time nor the end of a silence: what comes before it
-        resets no reader, and its samples may be decoded ahead of their turn."""
-        return self._stamp_us != NEVER and 0 <= stamp_us - self._stamp_us < min(SILENCE_US, FORWARD_STEP_US) // 2
 
     def _accept(self, samples: Sequence[Sample], stamp_us: int) -> None:
         self.counts.accepted += 1
@@ -209,6 +240,7 @@ class Core:
 
         A time before the open tick, or more than a second after its begin, means that the clock has stepped.
         """
+        self.settle()
         target = now_us // self._period_us
         if self._open is None:
             self._open = target
@@ -314,7 +346,7 @@ class Core:
         if self._observer is not None:
             self._observer.stepped(tick, result)
         if result.notable:
-            self._note_outliers(tick, result)
+            self._note_outliers(number, z[YAW], result)
 
     def _begin_tick(self, axle: int, number: int, inputs: TickInputs, cause: Cause, runs: bool) -> None:
         """Tell an axle's Validity of a tick and what speaks against it; reset the axle if it does not run in it."""
@@ -334,14 +366,14 @@ class Core:
             again = jumped or self._backoff.waiting(axle, number)
             self._reset_axle(axle, Cause.RESTARTED if again else Cause.STANDSTILL)
 
-    def _note_outliers(self, tick: Tick, result: StepResult) -> None:
+    def _note_outliers(self, number: int, yaw_rate: FloatArray, result: StepResult) -> None:
         """Remember whose measurements were left out in a tick, and reset the axles that need it."""
         for axle in np.flatnonzero(result.outliers).tolist():
-            self._outlier_us[axle] = (tick.number + 1) * self._period_us
+            self._outlier_us[axle] = (number + 1) * self._period_us
         for axle in np.flatnonzero(result.needs_reset).tolist():
-            self._count_reset(axle, tick.number)
-            why = self.estimator.why_reset(result, tick.z[YAW], axle)
-            wait_s = self._backoff.wait_s(axle, tick.number)
+            self._count_reset(axle, number)
+            why = self.estimator.why_reset(result, yaw_rate, axle)
+            wait_s = self._backoff.wait_s(axle, number)
             self.events.restarted(axle, self.events.describe.outliers(axle, why, wait_s))
             self._reset_axle(axle, Cause.RESTARTED)
 
@@ -356,18 +388,18 @@ class Core:
         if estimate is not None and self._observer is not None:
             self._observer.estimated(end_us // self._period_us - 1, estimate)
         if slot.adhesion or slot.detail or slot.advice or slot.view is not None:
-            self.reports = reports(slot, self.events.confidences)
+            self._reports = reports(slot, self.events.confidences)
             if self._slot_reports is not None:
-                self._slot_reports.append(SlotReports(self.reports, slot.adhesion, slot.below_min_speed))
-            self.events.slot(end_us, self.reports, slot.details, estimate)
+                self._slot_reports.append(SlotReports(self._reports, slot.adhesion, slot.below_min_speed))
+            self.events.slot(end_us, self._reports, slot.details, estimate)
         rail_ahead = None
         if self._ahead is not None and slot.view is not None:
-            rail_ahead = self._ahead.update(end_us, slot.view, self.reports, estimate)
+            rail_ahead = self._ahead.update(end_us, slot.view, self._reports, estimate)
         advice = None
         if self._adviser is not None and slot.advice:
             speed_m_s, below = slot.speed_m_s, slot.below_min_speed
-            advice = self._adviser.update(end_us, speed_m_s, below, self.reports, estimate, rail_ahead)
-        return frames(slot, self.reports, self._outbox, rail_ahead, advice)
+            advice = self._adviser.update(end_us, speed_m_s, below, self._reports, estimate, rail_ahead)
+        return frames(slot, self._reports, self._outbox, rail_ahead, advice)
 
     def _slot(self, end_us: int, due: Dues) -> Slot:
         """Take down what the frames of a slot are made from."""

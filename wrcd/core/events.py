@@ -75,7 +75,7 @@ class Events:
 
     validities: list[Validity]  # as at the newest slot
     confidences: list[str]
-    _causes: list[Cause]
+    causes: list[Cause]
     _standing: list[tuple[bool, Cause]]
     tick_causes: Sequence[Cause]  # what spoke against the newest tick
     _details: list[list[str]]
@@ -85,7 +85,7 @@ class Events:
         self._numbers = [a.number for a in config.axles]
         self.validities = [Validity.NOT_AVAILABLE] * n
         self.confidences = ["None"] * n
-        self._causes = [Cause.NONE] * n
+        self.causes = [Cause.NONE] * n
         self._standing = [(False, Cause.NONE)] * n
         self.tick_causes = (Cause.NONE,) * n
         # by axle and cause: how that was when it began, of the causes that a slot may be too late to describe
@@ -93,6 +93,16 @@ class Events:
         self.describe = Details(config)
         self.total = 0  # changes so far
         self._kept: deque[Change] = deque(maxlen=MAX_KEPT)
+
+    @property
+    def all_estimated(self) -> bool:
+        """Whether every axle had an estimate at the newest slot."""
+        return Validity.NOT_AVAILABLE not in self.validities and all(has for has, _ in self._standing)
+
+    @property
+    def standing_causes(self) -> list[Cause]:
+        """What spoke against each axle at the newest slot, whatever its estimate was."""
+        return [cause for _, cause in self._standing]
 
     def since(self, total: int) -> list[Change]:
         """The changes after the first so many, as far as they are kept."""
@@ -140,9 +150,9 @@ class Events:
         for axle, r in enumerate(reports):
             validity, cause, before = r.validity, r.cause, self.validities[axle]
             self.confidences[axle] = r.confidence
-            if cause is self._causes[axle] and validity is before:
+            if cause is self.causes[axle] and validity is before:
                 continue
-            self.validities[axle], self._causes[axle] = validity, cause
+            self.validities[axle], self.causes[axle] = validity, cause
             detail = standing.get(axle, "")
             if cause and not detail and estimate is not None and validity is Validity.DEGRADED:
                 detail = self.describe.estimate(cause, axle, estimate)

@@ -108,6 +108,11 @@ class Reach:
         self._rejected[place] = _NUMBERS[reason]
         self._rejected_us[place] = stamp_us
 
+    @property
+    def rejected_until_us(self) -> int:
+        """Up to when any rejection is told."""
+        return max(at + BITS * timeout for at, timeout in zip(self._rejected_us, self._timeout_us, strict=True))
+
     def read(self, place: int, now_us: int) -> tuple[int, str]:
         """The register, and the label of the newest rejection within it ("None")."""
         if now_us >= self._until_us[place]:

@@ -174,12 +174,6 @@ class Inputs:
                 rejected = reason
         return rejected
 
-    def check_all(self, source: int, values: Sequence[float], stamps_us: Sequence[int]) -> bool:
-        """Check many samples of one input at once. False: they have to be checked one by one, and nothing has
-        changed."""
-        check = self._checks[source]
-        return check is None or check.check_all(values, stamps_us)
-
     def reject(self, sources: Sequence[int], stamp_us: int, reason: Reason) -> None:
         """A frame of these was rejected. Where two senders contradict each other, not even what came before holds."""
         for source in sources:

@@ -172,6 +172,16 @@ class Outbox:
         self.cycles_us = tuple(sorted({w.cycle_us for w in every if w}))
         self._rejected_before = Counter()
 
+    @property
+    def of_axles(self) -> Mapping[str, Sequence[Writer | None]]:
+        """What is sent of each axle, by its key in the vocabulary and in the order of a slot; without what lies ahead."""
+        return {"adhesion": self._adhesion, "detail": self._detail, "inputs": self._inputs}
+
+    @property
+    def others(self) -> Sequence[Writer]:
+        """All else that is sent."""
+        return [w for w in (*self._ahead, self._status, self._rejects, self._link, self._advice) if w]
+
     def adhesion_due(self, due: Sequence[int]) -> tuple[int, ...]:
         """The axles (places) whose adhesion is due with these cycles."""
         return tuple([axle for axle, w in enumerate(self._adhesion) if w and w.cycle_us in due])

@@ -1,9 +1,6 @@
 """What a good frame may still get wrong: a sensor that stands still while the train moves, a value that jumps."""
 
-import itertools
 import math
-import operator
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from wrcd.bus.reasons import Reason
@@ -65,16 +62,6 @@ class StuckCheck:
         self.run, self._changed_us, self.value = 0, stamp_us, value
         return None
 
-    def check_all(self, values: Sequence[float], stamps_us: Sequence[int]) -> bool:
-        """The same of many values at once, if no two neighbours are equal; else False, and nothing has changed."""
-        if self.run or values[0] == self.value or any(map(operator.eq, values, itertools.islice(values, 1, None))):
-            return False
-        share = self._share
-        for _ in values:
-            share += (FIRST_SHARE - share) / FADING_FRAMES
-        self._share, self._changed_us, self.value = share, stamps_us[-1], values[-1]
-        return True
-
     def _learn(self, run: int) -> None:
         """How often a run goes on; a stuck sensor must not teach that it always does."""
         if run < self._longest(STUCK):
@@ -126,13 +113,3 @@ class JumpCheck:
             self.jumped = True
         self._value, self._stamp_us, self._doubted = value, stamp_us, math.nan
         return None
-
-    def check_all(self, values: Sequence[float], stamps_us: Sequence[int]) -> bool:
-        """The same of many values at once, if none is further from the one before than anything moves in no time; else
-        False, and nothing has changed."""
-        steps = map(abs, map(operator.sub, values, (self._value, *values)))
-        if not max(steps) <= self._max_step:
-            return False
-        self.jumped = False
-        self._value, self._stamp_us, self._doubted = values[-1], stamps_us[-1], math.nan
-        return True

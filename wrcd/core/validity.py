@@ -148,6 +148,13 @@ class ValidityMonitor:
             self._window_full[axle] = True
         self._newest[axle] = cause
 
+    def went_on(self, ticks: int) -> None:
+        """Ticks of all axles that nothing speaks against, after one of these."""
+        for axle in range(len(self._fresh_ticks)):
+            self._fresh_ticks[axle] += ticks
+            self._sound_ticks[axle] += ticks
+            self._window_full[axle] |= self._fresh_ticks[axle] >= self._window
+
     def fresh_ticks(self, axle: int) -> int:
         """Ticks of the window that is not full yet."""
         return self._fresh_ticks[axle]

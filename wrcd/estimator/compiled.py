@@ -76,7 +76,7 @@ class CompiledEstimator:
     """Steps and answers as `Estimator` does. Raises ValueError for a design or axles beyond the library's limits."""
 
     def __init__(self, library: ctypes.CDLL, design: Design, axles: int) -> None:
-        self.design, self.axles, self._c = design, axles, library
+        self.design, self.axles, self.library = design, axles, library
         self._keeps: list[object] = []  # what C has addresses of
         table = _structure(members(design), self._keeps)
         self._d = ctypes.byref(table)
@@ -95,8 +95,14 @@ class CompiledEstimator:
         self._ratio = np.zeros(axles)
         self._tick = _Tick(0, 0.0, *(_address(a) for a in (self._z, self._present, self._ratio)))
         self._e, self._r, self._t = _address(self._memory), _address(self._result), ctypes.byref(self._tick)
+        self.arguments = self._e, self._d, self._r  # of C's functions that step: state, design, result
         library.wrcd_begin(self._e, self._d, axles)
         self.health = CompiledHealth(self)
+
+    @property
+    def newest(self) -> StepResult:
+        """What the newest tick brought."""
+        return cast(StepResult, self._newest)
 
     @property
     def outliers(self) -> int:
@@ -110,7 +116,7 @@ class CompiledEstimator:
 
     def reset(self, axle: int) -> None:
         """Start an axle anew: after a gap, a step of time, or a standstill."""
-        self._c.wrcd_reset(self._e, self._d, int(axle))
+        self.library.wrcd_reset(self._e, self._d, int(axle))
 
     def why_reset(self, result: StepResult, yaw_rate: FloatArray, axle: int) -> Outliers:
         """Of an axle that needs it, after the step (n yaw rates) that showed it and before its reset."""
@@ -120,15 +126,15 @@ class CompiledEstimator:
         """One tick; call reset() for the axles that need it before the next. The result holds until then."""
         self._tick.number, self._tick.speed_m_s = tick.number, tick.speed_m_s
         self._z[:], self._present[:], self._ratio[:] = tick.z, tick.present, tick.torque_ratio
-        self._newest.notable = self._c.wrcd_step(self._e, self._d, self._t, self._r) != 0
-        return cast(StepResult, self._newest)
+        self._newest.notable = self.library.wrcd_step(self._e, self._d, self._t, self._r) != 0
+        return self.newest
 
     def run(self, ticks: Ticks, first: int, end: int, resets: bool) -> None:
         """Step ticks first … end - 1 of them; resets: whether axles are reset that need it."""
         part = ticks.part(first, end)
         z, present = np.ascontiguousarray(part.z, np.float64), np.ascontiguousarray(part.present)
         ratio, speeds = np.ascontiguousarray(part.torque_ratio, np.float64), np.asarray(part.speeds_m_s, np.float64)
-        self._c.wrcd_run(
+        self.library.wrcd_run(
             self._e, self._d, part.number, len(part), _address(z), _address(present), _address(ratio),
             _address(speeds), resets,
         )  # fmt: skip
@@ -136,13 +142,13 @@ class CompiledEstimator:
     def estimate(self) -> Estimate:
         """The adhesion that the window's residuals and torque speak for."""
         out = np.zeros(self.axles, dtype=self._adhesion)
-        self._c.wrcd_estimate(self._e, self._d, _address(out))
+        self.library.wrcd_estimate(self._e, self._d, _address(out))
         kinds: dict[str, Any] = dict.fromkeys(_WHOLE, np.int64) | dict.fromkeys(_FLAGS, np.bool_)
         return Estimate(**{n: out[n].astype(kinds[n]) if n in kinds else out[n] for n in out.dtype.names})
 
     def torque_now(self) -> FloatArray:
         """(n,): torque ratio of the moment; NaN where it is not known."""
-        return np.array([self._c.wrcd_torque_now(self._e, self._d, axle) for axle in range(self.axles)])
+        return np.array([self.library.wrcd_torque_now(self._e, self._d, axle) for axle in range(self.axles)])
 
     def inputs_of(self, blocks: IntArray, now: FloatArray) -> FloatArray:
         """What the rules are given (m, COLUMNS) of windows of so many blocks (m,): all axles with one length after all
@@ -150,14 +156,14 @@ class CompiledEstimator:
         out = np.zeros((len(blocks), COLUMNS))
         for k, length in enumerate(blocks.tolist()):
             axle = k % self.axles
-            self._c.wrcd_inputs_of(self._e, self._d, axle, length, float(now[axle]), _address(out[k]))
+            self.library.wrcd_inputs_of(self._e, self._d, axle, length, float(now[axle]), _address(out[k]))
         return out
 
     def steps(self) -> FloatArray:
         """Decades (n, 4) by which the newest part's residuals lie above those of the rest of the usual window."""
         out = np.zeros((self.axles, MODELS))
         for axle in range(self.axles):
-            self._c.wrcd_steps(self._e, self._d, axle, _address(out[axle]))
+            self.library.wrcd_steps(self._e, self._d, axle, _address(out[axle]))
         return out
 
     def features(self) -> FloatArray:
@@ -214,7 +220,7 @@ class CompiledHealth:
     @property
     def state(self) -> IntArray:
         """(n,): the PairState that leads where a pair is not more likely sound than not."""
-        return np.array([self._of._c.wrcd_pair_state(self._of._e, axle) for axle in range(self._of.axles)])
+        return np.array([self._of.library.wrcd_pair_state(self._of._e, axle) for axle in range(self._of.axles)])
 
     @property
     def log_odds(self) -> FloatArray:

@@ -8,13 +8,14 @@ its reader gives for one frame after the other. Everything else goes the ordinar
 
 import itertools
 import operator
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wrcd.bus.batch import RECORD, Records
 from wrcd.bus.codec import MessageReader, Receiver, Sample
 from wrcd.bus.e2e import crcs
 from wrcd.bus.frame import EXTENDED, Frame
@@ -49,6 +50,13 @@ class Stretch:
     def keys(self) -> IntArray:
         """Identities of their messages (Frame.key)."""
         return self.ids | np.where(self.extended, EXTENDED, 0)
+
+    @property
+    def records(self) -> Records:
+        """The same as records."""
+        out = np.zeros(len(self), dtype=RECORD)
+        out["stamp_us"], out["word"], out["length"], out["data"] = self.stamps_us, self.keys, self.lengths, self.data
+        return out
 
     def frame(self, k: int) -> Frame:
         """One of them."""
@@ -167,15 +175,13 @@ class ReadFrame(NamedTuple):
     stamp_us: int
     reader: MessageReader
     samples: Samples | None  # None: the reader is to be given the frame
-    checked: bool  # whether the samples have passed check_all
 
 
 class Columns:
-    """Reads stretches for a receiver. check_all is asked whether all samples (source, values, stamps) of a message that
-    carries one signal are plausible."""
+    """Reads stretches for a receiver."""
 
-    def __init__(self, receiver: Receiver, check_all: Callable[[int, Sequence[float], Sequence[int]], bool]) -> None:
-        self._receiver, self._check_all = receiver, check_all
+    def __init__(self, receiver: Receiver) -> None:
+        self._receiver = receiver
 
     def read(self, s: Stretch) -> list[ReadFrame]:
         """The frames that are mapped, in order. The E2E counters of those with samples have been followed."""
@@ -186,15 +192,9 @@ class Columns:
             if not len(places):
                 continue
             found = _regular(reader, s, places) if len(places) > 1 else None
-            stamps_us = s.stamps_us[places].tolist()
             samples: Sequence[Samples | None] = [None] * len(places) if found is None else found
-            checked = (
-                found is not None
-                and len(reader.signals) == 1
-                and self._check_all(reader.numbers[0], [of_frame[0].value for of_frame in found], stamps_us)
-            )
-            ones = itertools.repeat
-            out += map(ReadFrame, places.tolist(), stamps_us, ones(reader), samples, ones(checked))
+            stamps_us = s.stamps_us[places].tolist()
+            out += map(ReadFrame, places.tolist(), stamps_us, itertools.repeat(reader), samples)
         out.sort(key=operator.itemgetter(0))
         return out
 

@@ -12,10 +12,10 @@ from wrcd.bus.dbc import find_message
 from wrcd.bus.frame import Frame
 from wrcd.bus.units import Quantity
 from wrcd.core.configuration import Config
-from wrcd.core.core import FORWARD_STEP_US, Core, Decoded
+from wrcd.core.core import FORWARD_STEP_US, Core
 from wrcd.core.messages import Outgoing
 from wrcd.errors import InputError
-from wrcd.logs.columns import MIN_ROWS, Columns, Item, Stretch
+from wrcd.logs.columns import MIN_ROWS, Item, Stretch
 from wrcd.logs.decoder import sent_messages
 from wrcd.logs.reader import LogReader
 from wrcd.logs.time_order import frames_of
@@ -52,30 +52,24 @@ def outgoing(core: Core, frames: Iterable[tuple[Frame, str]], saved: Saved | Non
 
 
 def outgoing_of_stretches(core: Core, items: Iterable[Item]) -> Iterator[tuple[Outgoing, str]]:
-    """The same of a log that does not come from a recorder, by columns where it is regular."""
-    columns = Columns(core.receiver, core.check_all)
+    """The same of a log that does not come from a recorder, many frames at once where it is regular."""
     for item in items:
         if isinstance(item, tuple):
             yield from outgoing(core, (item,), None)
         elif not _goes_on(core, item):
             yield from outgoing(core, ((frame, item.channel) for frame in item.frames()), None)
         else:
-            for place, stamp_us, reader, samples, checked in columns.read(item):
-                whole = Decoded(stamp_us, reader, samples, checked) if samples is not None else item.frame(place)
-                for o in core.feed(whole):
-                    yield o, item.channel
+            for o in core.feed_batch(item.records):
+                yield o, item.channel
 
 
 def _goes_on(core: Core, s: Stretch) -> bool:
-    """Whether a stretch is worth it, and no frame of it is a step of time or the end of a silence, for mapped frames
-    and others alike."""
-    if len(s) < MIN_ROWS:  # as between frames that are not plain
+    """Whether a stretch is worth it, and no mapped frame of it comes after a silence."""
+    mapped = s.stamps_us[np.isin(s.keys, core.receiver.keys)]
+    if len(s) < MIN_ROWS or not len(mapped):  # as between frames that are not plain
         return False
-    mapped = np.flatnonzero(np.isin(s.keys, core.receiver.keys))
-    if not len(mapped) or not core.goes_on_from(int(s.stamps_us[mapped[0]])):
-        return False
-    gaps = np.diff(s.stamps_us[mapped], append=s.stamps_us[-1])
-    return bool((gaps >= 0).all() and (gaps < MAX_GAP_US).all() and (np.diff(s.stamps_us) >= 0).all())
+    before_us = mapped[0] if core.time_us is None else core.time_us
+    return bool((np.diff(mapped, prepend=before_us, append=s.stamps_us[-1]) < MAX_GAP_US).all())
 
 
 def silence(core: Core, stamp_us: int) -> list[Outgoing]:
@@ -205,6 +199,8 @@ class Part:
 
     def wants(self, o: Outgoing) -> bool:
         """Whether a frame lies within the time, and is not another axle's."""
+        if not self._left_out and self.begin_us is None and self.end_us is None:
+            return True
         return self.wants_at(o.frame.stamp_us) and o.frame.key not in self._left_out
 
     def wants_at(self, stamp_us: int) -> bool:

@@ -118,6 +118,7 @@ class Writing:
                 self._rows = AdhesionRows(files.enter_context(create(outputs.rows)), config, explained, part)
             elif explained or not (outputs.files or outputs.events):
                 self._rows = AdhesionRows(sys.stdout, config, explained, part)
+            core.explains = self._rows is not None
             if gathered is not None:
                 files.callback(gathered.close)
             self._files = files.pop_all()

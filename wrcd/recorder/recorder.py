@@ -182,6 +182,7 @@ class Recorder:
             ring.end - kept[-1].position < ring.records // (SNAPSHOTS + 1)
         ):  # fmt: skip
             return
+        self._core.settle()
         kept.append(Snapshot(ring.end, now_us, capture(self._core)))
         while len(kept) > 1 and not ring.holds(kept[0].position):
             kept.popleft()

@@ -55,7 +55,7 @@ class Gathered:
 
     def __init__(self, config: Config) -> None:
         self.receiver = Receiver(config.database, [i.source for i in config.inputs], config.data_ids)
-        self._columns = Columns(self.receiver, lambda *_: True)  # plausible or not
+        self._columns = Columns(self.receiver)  # plausible or not
         self.inputs = [Readings() for _ in config.inputs]
         self.frames: Counter[str] = Counter()  # by mapped message, refused ones too
         self.times: dict[str, array[int]] = {r.name: array("q") for r in self.receiver.readers.values()}
@@ -106,7 +106,7 @@ class Gathered:
         for key, count in zip(keys.tolist(), counts.tolist(), strict=True):
             if key not in self.receiver.readers:
                 self.others[key] += count
-        for place, stamp_us, reader, samples, _ in self._columns.read(s):
+        for place, stamp_us, reader, samples in self._columns.read(s):
             if samples is None:
                 found = reader.read(s.frame(place))
                 samples = found if isinstance(found, list) else ()
