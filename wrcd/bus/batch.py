@@ -20,13 +20,11 @@ Records = np.ndarray[Any, np.dtype[np.void]]
 
 def records_of(frames: Sequence[Frame]) -> Records:
     """Classical frames as records."""
-    out = np.zeros(len(frames), dtype=RECORD)
-    flat = [
-        (f.stamp_us, f.can_id | EXTENDED * f.extended | REMOTE * f.remote | ERROR * f.error, len(f.data), 0, 0,
-         list(f.data.ljust(8, b"\0"))) for f in frames
-    ]  # fmt: skip
-    out[:] = flat
-    return out
+    packed = []
+    for f in frames:
+        word = f.can_id | EXTENDED * f.extended | REMOTE * f.remote | ERROR * f.error
+        packed.append(_LAYOUT.pack(f.stamp_us, word, len(f.data), 0, 0, f.data))
+    return np.frombuffer(b"".join(packed), dtype=RECORD)
 
 
 def frames_of(records: Records) -> Iterator[Frame]:
