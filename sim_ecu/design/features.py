@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from sim_ecu.design.cases import Plan, Progress
 from sim_ecu.design.recordings import Recording
+from sim_ecu.design.side_by_side import SideBySide
 from sim_ecu.jobs.pool import Workers
 from sim_ecu.jobs.whole import each
 from wrcd.estimator.design import MODELS, Design
-from wrcd.estimator.estimator import Estimator, step_through
+from wrcd.estimator.estimator import step_through
 from wrcd.estimator.paper.rule_inputs import SWING
 from wrcd.estimator.paper.window import BLOCK_TICKS
 from wrcd.estimator.records import Ticks
@@ -68,12 +69,12 @@ def quietly(what: str, share: float) -> None:
     """No progress is shown."""
 
 
-def estimator_alone(design: Design, axles: int) -> Estimator:
+def estimator_alone(design: Design, axles: int) -> SideBySide:
     """The train's estimator without the judgement of whose sensors these are; the estimates are the same."""
-    return Estimator(replace(design, health=None), axles)
+    return SideBySide(replace(design, health=None), axles)
 
 
-def run(design: Design, z: NDArray[np.float32], r: Recording, at: Sequence[int]) -> Iterator[tuple[int, Estimator]]:
+def run(design: Design, z: NDArray[np.float32], r: Recording, at: Sequence[int]) -> Iterator[tuple[int, SideBySide]]:
     """Feed a recording to the train's estimator; gives it back after each of the ticks (growing)."""
     n = z.shape[2]
     estimator = estimator_alone(design, n)
@@ -134,7 +135,7 @@ def _windows(job: tuple[Design, Plan, Recording, list[int], int]) -> tuple[Featu
         for k, estimator in run(design, z, r, at):
             lengths = rng.choice(lengths_s, n) / design.tick_s / BLOCK_TICKS
             blocks = np.minimum(np.round(lengths).astype(np.int64), (k + 1 - r.first) // BLOCK_TICKS)
-            inputs.append(estimator.inputs_of(blocks, estimator.torque_now())[0])
+            inputs.append(estimator.inputs_of(blocks, estimator.torque_now()))
             truth.append(r.mu_pct[k].astype(np.float64))
             own = r.own_world and z is r.z
             nominal.append(np.full(n, own))

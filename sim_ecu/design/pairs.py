@@ -13,12 +13,13 @@ from sim_ecu.design.cases import TURN_S, Condition, Group, Plan, Progress, simul
 from sim_ecu.design.features import quietly
 from sim_ecu.design.recordings import Recording, measured
 from sim_ecu.design.rules import quantiles
+from sim_ecu.design.side_by_side import SideBySide
 from sim_ecu.design.train_worlds import TRANSITION_S, curve_and_cant
 from sim_ecu.physics.wheelset import Wheelset
 from wrcd.estimator.design import CERTAIN, Design, HealthModel
-from wrcd.estimator.estimator import Estimator, step_through
+from wrcd.estimator.estimator import step_through
 from wrcd.estimator.records import EstimateDoubt, Ticks
-from wrcd.estimator.trust.health import FEATURES, MIN_SHARE, MOST, SPAN_TICKS, PairHealth, PairState, evidence
+from wrcd.estimator.trust.health import FEATURES, MOST, OWN, SOUND_ALONE, SPAN_TICKS, PairState, evidence
 from wrcd.estimator.trust.interval import Regime
 
 FloatArray = NDArray[np.float64]
@@ -56,6 +57,12 @@ TURNS = 2  # a recording is judged over and over, and the last time counts: a tr
 TEMPERS = np.geomspace(0.03, 1.0, 32)  # the shares of a span's evidence that are tried, one after another
 # Of the log odds, at each span: with 0.97 (8 s) a third fewer dead gyros were found, at as many sound ones accused.
 KEPT, PRIOR, HAZARD = 0.9, 1e-4, 1e-6
+# Looks at pairs, and takes all of them for sound.
+TRUSTING = HealthModel(
+    middle=np.zeros(FEATURES), scale=np.ones(FEATURES), hidden=np.zeros((FEATURES, 1)), hidden_bias=np.zeros(1),
+    out=np.zeros((1, len(PairState))), out_bias=np.zeros(len(PairState)), temper=np.zeros(len(PairState)),
+    log_prior=SOUND_ALONE, kept=1.0, hazard=0.0,
+)  # fmt: skip
 
 
 def require_learning() -> None:
@@ -70,18 +77,6 @@ def plan_of(plan: Plan) -> Plan:
         plan, seed=plan.seed + 500, speeds=max(2, round(SPEEDS_SHARE * plan.speeds)),
         per_speed=max(2, round(PER_SPEED_SHARE * plan.per_speed)), seconds=SECONDS, held_share=0.22, changed_share=0.12,
     )  # fmt: skip
-
-
-class FeatureRecorder(PairHealth):
-    """Keeps the features of every span."""
-
-    seen: list[tuple[FloatArray, NDArray[np.bool_]]]
-
-    def look(self, speed_m_s: float, ratio: FloatArray, inputs: FloatArray) -> None:
-        """Keep them."""
-        span = self.pairs.take(speed_m_s)
-        known = (span.ticks >= MIN_SHARE * SPAN_TICKS) & span.goes_on
-        self.seen.append((self._features(span, known, speed_m_s, ratio, inputs).astype(np.float32), known))
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,16 +194,15 @@ def _lanes(
 def _watched(d: Design, lanes: Sequence[Lane], speed_m_s: FloatArray, mu_pct: NDArray[np.float32]) -> Watched:
     z = np.concatenate([lane.z for lane in lanes], axis=2)
     there = np.array([(True, PARTNERS[lane.partner] != "none") for lane in lanes]).reshape(-1)
-    estimator = Estimator(replace(d, health=None, interval=None), z.shape[2])
-    watch = FeatureRecorder(None, d.noise_rms, d.tick_s, z.shape[2], d.wheelbase_m)
-    watch.seen, watch.judges = [], True
-    estimator.health = watch
+    estimator = SideBySide(replace(d, health=TRUSTING, interval=None), z.shape[2])
     ends = np.arange(SPAN_TICKS - 1, len(z), SPAN_TICKS)
     ratio = np.concatenate([lane.ratio for lane in lanes], axis=1)
     ticks = Ticks(0, z, np.broadcast_to(there, z.shape), ratio, speed_m_s.tolist())
     stops = step_through(estimator, ticks.part(0, int(ends[-1]) + 1), ends[:-1].tolist(), resets=True)
-    found = [estimator.estimate() for _ in stops]
-    known = np.stack([known[::2] for _, known in watch.seen])
+    seen, found = zip(*((estimator.features()[::2], estimator.estimate()) for _ in stops), strict=True)
+    features = np.array(seen)
+    # a pair's own features of its newest span stay where it has too little data in another one
+    known = np.diff(features[..., :OWN], axis=0, prepend=np.nan).any(axis=-1)
     state = np.where(known, np.stack([lane.state for lane in lanes], axis=1)[ends], -1)
     state[:FIRST_SPAN] = -1
     sound = [2 * k for k, lane in enumerate(lanes) if not lane.state.any()][::SOUND_EACH]
@@ -220,7 +214,7 @@ def _watched(d: Design, lanes: Sequence[Lane], speed_m_s: FloatArray, mu_pct: ND
     usable[:FIRST_SPAN] = False
     speeds = np.broadcast_to(speed_m_s[ends][:, None], off.shape)
     return Watched(
-        features=np.stack([f[::2] for f, _ in watch.seen]).astype(np.float16),
+        features=features.astype(np.float16),
         state=state.astype(np.int8),
         partner=np.array([lane.partner for lane in lanes], np.int8),
         held=np.array([lane.held for lane in lanes]),

@@ -165,7 +165,7 @@ class Matching:
             window = design.window_ticks
             ends = range(round(HELD_SETTLED_S / design.tick_s) + window - 1, len(r.z), window // 2)
             blocks = np.full(len(match), window // BLOCK_TICKS)
-            logs = np.array([e.inputs_of(blocks, e.torque_now())[0][:, :MODELS] for _, e in run(design, r.z, r, ends)])
+            logs = np.array([e.inputs_of(blocks, e.torque_now())[:, :MODELS] for _, e in run(design, r.z, r, ends)])
             for m in range(MODELS):
                 here = logs[:, match == m]
                 lead = np.delete(here, m, axis=2).min(axis=2) - here[..., m]

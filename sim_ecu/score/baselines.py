@@ -22,7 +22,7 @@ from sim_ecu.physics.compiled import compiled
 from wrcd.errors import InputError
 from wrcd.estimator.design import Design
 from wrcd.estimator.estimator import OFFSET_WINDOWS
-from wrcd.estimator.records import Tick
+from wrcd.estimator.records import Ticks
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -121,19 +121,15 @@ class Beside:
         t, n = ticks.torque_ratio.shape
         every = max(1, round(ANSWER_EVERY_S / self.design.tick_s))
         estimator = estimator_alone(self.design, n)
-        out, newest = np.full((t, n), np.nan), np.full(n, np.nan)
-        for k in range(t):
-            result = estimator.step(
-                Tick(
-                    int(ticks.number[k]), ticks.z[k], ticks.present[k], ticks.torque_ratio[k],
-                    float(ticks.speed_m_s[k]),
-                )
-            )  # fmt: skip
-            for axle in np.flatnonzero(result.needs_reset):
-                estimator.reset(int(axle))
-            if k % every == 0:
-                newest = estimator.estimate().mu_available_pct
-            out[k] = newest
+        out, first = np.empty((t, n)), 0
+        gaps = np.flatnonzero(np.diff(ticks.number) != 1).tolist()  # the ticks before them are stops, too
+        for stop in sorted({*range(0, t, every), *gaps, t - 1}):
+            at, speeds_m_s = slice(first, stop + 1), ticks.speed_m_s[first : stop + 1].tolist()
+            given = ticks.z[at], ticks.present[at], ticks.torque_ratio[at], speeds_m_s
+            estimator.run(Ticks(int(ticks.number[first]), *given), 0, len(speeds_m_s), resets=True)
+            if stop % every == 0:
+                out[stop : stop + every] = estimator.estimate().mu_available_pct
+            first = stop + 1
         return out
 
 

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from sim_ecu.design.brief import Recipe
 from sim_ecu.design.cases import Condition, Progress, held_at, simulate
 from sim_ecu.design.linear import Point
+from sim_ecu.design.side_by_side import SideBySide
 from sim_ecu.physics.contact import CURVES, CreepCurve, curve_between
 from sim_ecu.physics.wheelset import LAT_ACCEL, MU_AVAILABLE, MU_USED, SLIP, TORQUE, YAW_RATE, Wheelset
 from wrcd.estimator.design import MODELS, Sets
-from wrcd.estimator.estimator import Estimator, step_through
+from wrcd.estimator.estimator import step_through
 from wrcd.estimator.records import Ticks
 
 FloatArray = NDArray[np.float64]
@@ -105,7 +106,7 @@ def observe(
     d = s.design
     y, z, ratio = measured(s, conditions, seconds, progress, known)
     n = len(conditions)
-    estimator = Estimator(d, n)
+    estimator = SideBySide(d, n)
     every = max(1, round(every_s / d.tick_s))
     ticks = list(range(every - 1, len(z), every))
     played = Ticks(0, z, np.ones(z.shape, dtype=bool), ratio, [SPEED] * len(z))

@@ -1,8 +1,9 @@
 """One run of a score: rig -> frames -> daemon's core -> frames, and the baselines on the very same ticks."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +16,12 @@ from sim_ecu.play.player import LARGE_CHUNK, Player
 from sim_ecu.play.train import PACKAGED
 from sim_ecu.score.baselines import Baseline, GivenTicks
 from sim_ecu.score.suites.run import Run
+from wrcd.bus.batch import Batch
 from wrcd.bus.frame import Frame
 from wrcd.core.causes import Cause
 from wrcd.core.configuration import MAX_AXLES, Config
 from wrcd.core.core import Core, Observer
+from wrcd.core.messages import Outgoing
 from wrcd.core.vocabulary import CONFIDENCES, DROP_AHEAD, MESSAGES, Words
 from wrcd.estimator.design import Design
 from wrcd.estimator.records import Estimate, StepResult, Tick
@@ -148,24 +151,36 @@ class Listener:
     """A core that is fed the frames of a run, and what someone on its bus receives."""
 
     def __init__(self, run: Run, config: Config, observer: Observer | None = None) -> None:
-        self._run, self._core = run, Core(config, observer=observer)
+        self._run, self._core, self._is_observed = run, Core(config, observer=observer), observer is not None
         self._kept = TrainFrames([a.number for a in run.scenario.axles], config)
         self._half_widths: dict[int, FloatArray] = {}
 
-    def hear(self, f: Sent) -> None:
-        """Take a frame of the rig."""
-        if not f.error:
-            self._kept.keep(f.due_us, f.can_id, f.data)
-        stamp_us = LOG_START_US + f.due_us
-        for out in self._core.feed(Frame(stamp_us, f.can_id, f.data, f.extended, error=f.error, fd=f.fd)):
+    def hear(self, frames: Sequence[Sent]) -> None:
+        """Take frames of the rig."""
+        for f in frames:
+            if not f.error:
+                self._kept.keep(f.due_us, f.can_id, f.data)
+        for out in self._fed([_stamped(f) for f in frames]):
             due_us = out.frame.stamp_us - LOG_START_US
             self._kept.keep(due_us, out.frame.can_id, out.frame.data)
             if out.why is not None:
                 self._half_widths[due_us] = out.why.half_width_pp
 
+    def _fed(self, frames: Sequence[Frame]) -> Iterator[Outgoing]:
+        """What the core makes of them: in C where nobody sees its ticks, and frames are classical."""
+        if self._is_observed or any(f.fd for f in frames):
+            for f in frames:
+                yield from self._core.feed(f)
+        else:
+            yield from self._core.feed_batch(Batch.of(frames))
+
     def traces(self) -> list[Trace]:
         """An entry for each axle."""
         return [_trace(self._run, k, self._kept, self._half_widths) for k in range(len(self._run.scenario.axles))]
+
+
+def _stamped(f: Sent) -> Frame:
+    return Frame(LOG_START_US + f.due_us, f.can_id, f.data, f.extended, error=f.error, fd=f.fd)
 
 
 def play(
@@ -175,18 +190,19 @@ def play(
     """Play a run and gather what came on the bus, an entry for each axle. train: whose messages the configurations map.
     beside: other designs' names and configurations, whose cores are fed the same frames.
     Raises InputError for a fault or an axle that they leave no way to."""
-    recording = TickRecorder(config.design, len(config.axles))
+    recording = TickRecorder(config.design, len(config.axles)) if baselines else None
     ours, others = Listener(run, config, recording), {name: Listener(run, other) for name, other in beside}
     listeners = [ours, *others.values()]
-    for _, frames in Player(run.scenario, chunk=LARGE_CHUNK, train=train):
-        for f in frames:
-            for listener in listeners:
-                listener.hear(f)
+    samples = iter(Player(run.scenario, chunk=LARGE_CHUNK, train=train))
+    while chunk := list(islice(samples, LARGE_CHUNK)):
+        frames = [f for _, of_sample in chunk for f in of_sample]
+        for listener in listeners:
+            listener.hear(frames)
     traces = ours.traces()
     for name, other in others.items():
         for trace, theirs in zip(traces, other.traces(), strict=True):
             trace.beside[name] = theirs
-    if baselines and recording.ticks:
+    if recording is not None and recording.ticks:
         _estimate(traces, recording.all(), baselines)
     return traces
 

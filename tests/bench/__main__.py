@@ -17,7 +17,7 @@ MARKER, END = (
     "<!-- measured: make bench -->\n",
     "<!-- end of what was measured -->\n",
 )  # of a page's part that is measured
-PARTS = ("bank", "frames", "core", "start", "replay", "rig")
+PARTS = ("bank", "frames", "core", "start", "replay", "rig", "offline")
 
 
 def main() -> int:
@@ -54,7 +54,7 @@ def main() -> int:
 
 
 def _parts(before: Path | None) -> "dict[str, Callable[[], Iterator[Row]]]":
-    from tests.bench import bank, core, frames, replay, rig, start
+    from tests.bench import bank, core, frames, offline, replay, rig, start
 
     return {
         "bank": bank.rows,
@@ -63,6 +63,7 @@ def _parts(before: Path | None) -> "dict[str, Callable[[], Iterator[Row]]]":
         "start": start.rows,
         "replay": lambda: replay.rows(before),
         "rig": rig.rows,
+        "offline": lambda: offline.rows(before),
     }
 
 

@@ -19,17 +19,18 @@ from wrcd.logs.damage import Damage
 from wrcd.logs.reader import read_log
 
 SHORT_S, BLF_S, LONG_S = 60.0, 120.0, 600.0
-# what a command of wrcd took, imports included, and the most memory it held; of an older tree, too
+# what a command took, imports and processes of its own included, and the most memory it held; of an older tree, too
 CHILD = """
-import contextlib, io, json, sys, time
+import contextlib, importlib, io, json, resource, sys, time
 begin = time.perf_counter()
 with contextlib.redirect_stdout(io.StringIO()):
     try:
-        from wrcd.cli.main import main
+        main = importlib.import_module(sys.argv[1] + ".cli.main").main
     except ModuleNotFoundError:
         from wrcd.tools.cli import main
-    status = main(sys.argv[1:])
-took, cpu = time.perf_counter() - begin, time.process_time()
+    status = main(sys.argv[2:])
+others = resource.getrusage(resource.RUSAGE_CHILDREN)
+took, cpu = time.perf_counter() - begin, time.process_time() + others.ru_utime + others.ru_stime
 lines = open("/proc/self/status").read().splitlines()
 most_kb = next(int(x.split()[1]) for x in lines if x.startswith("VmHWM:"))
 print(json.dumps({"wall_s": took, "cpu_s": cpu, "most_mb": most_kb / 1024}))
@@ -37,10 +38,10 @@ sys.exit(status)
 """
 
 
-def measured(command: Sequence[str], folder: Path, tree: Path = ROOT) -> dict[str, float]:
-    """What a command of wrcd took in a process of its own: wall_s, cpu_s, most_mb."""
+def measured(command: Sequence[str], folder: Path, tree: Path = ROOT, program: str = "wrcd") -> dict[str, float]:
+    """What a command of a program took in a process of its own: wall_s, cpu_s, most_mb."""
     done = subprocess.run(
-        [sys.executable, "-P", "-c", CHILD, *command], env=environment(tree), cwd=folder,
+        [sys.executable, "-P", "-c", CHILD, program, *command], env=environment(tree), cwd=folder,
         capture_output=True, text=True, check=True,
     )  # fmt: skip
     out: dict[str, float] = json.loads(done.stdout)

@@ -3,14 +3,14 @@
 from collections.abc import Iterable, Iterator
 from copy import copy
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Protocol
 
 import numpy as np
 
 from wrcd.estimator.answer import Answers, Draft
 from wrcd.estimator.design import MODELS, Design, FloatArray, IntArray
 from wrcd.estimator.paper.bank import Bank, BoolArray, SpeedFilter
-from wrcd.estimator.paper.window import BLOCK_TICKS, Lengths, Statistics, Window, quiet
+from wrcd.estimator.paper.window import BLOCK_TICKS, Lengths, Window, quiet
 from wrcd.estimator.records import Estimate, StepResult, Tick, Ticks
 from wrcd.estimator.recursion import Sections
 from wrcd.estimator.signals.gate import Gate, Outliers
@@ -211,16 +211,21 @@ class Estimator:
         with quiet():
             return self._answers.torque_now(self._window)
 
-    def inputs_of(self, blocks: IntArray, now: FloatArray) -> tuple[FloatArray, Statistics]:
-        """What the rules are given (m, COLUMNS) of windows of so many blocks (m,), and the windows' statistics; see
-        Answers.inputs_of."""
+    def inputs_of(self, blocks: IntArray, now: FloatArray) -> FloatArray:
+        """What the rules are given (m, COLUMNS) of windows of so many blocks (m,): all axles with one length after all
+        with another. now (n,): torque ratio of the moment."""
         with quiet():
-            return self._answers.inputs_of(self._window, blocks, now, self._noise.sensor_factor(), self._in_grid)
+            return self._answers.inputs_of(self._window, blocks, now, self._noise.sensor_factor(), self._in_grid)[0]
 
     def steps(self) -> FloatArray:
         """Decades (n, 4) by which the newest part's residuals lie above those of the rest of the usual window."""
         with quiet():
             return self._changes.steps(self._window)
+
+    def features(self) -> FloatArray:
+        """(n, FEATURES) that pairs of sensors are judged by, after a look: they stay those of the newest span in which
+        an axle had data."""
+        return self.health.features(self._speed_m_s, self.torque_now())
 
     @property
     def _in_grid(self) -> float:
@@ -229,7 +234,14 @@ class Estimator:
         return min(max(self._speed_m_s, low), high)
 
 
-def step_through(estimator: Estimator, ticks: Ticks, stops: Iterable[int] = (), resets: bool = False) -> Iterator[int]:
+class Runs(Protocol):
+    """An estimator of either engine, or several."""
+
+    def run(self, ticks: Ticks, first: int, end: int, resets: bool) -> None:
+        """As Estimator.run()."""
+
+
+def step_through(estimator: Runs, ticks: Ticks, stops: Iterable[int] = (), resets: bool = False) -> Iterator[int]:
     """Step any number of ticks; resets: whether axles are reset that need it. Yields after each of the stops, places
     among the ticks that grow."""
     first = 0

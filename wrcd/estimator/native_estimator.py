@@ -16,7 +16,7 @@ from wrcd.estimator.paper.bank import BoolArray
 from wrcd.estimator.paper.window import COLUMNS as SUMS
 from wrcd.estimator.records import Estimate, StepResult, Tick, Ticks
 from wrcd.estimator.signals.gate import Outliers
-from wrcd.estimator.trust.health import HealthFigures
+from wrcd.estimator.trust.health import FEATURES, HealthFigures
 from wrcd.estimator.trust.pair import BANDS
 
 # Where in a reference estimator what the C state names lies. Its arrays have the axles last.
@@ -150,22 +150,26 @@ class CompiledEstimator:
 
     def torque_now(self) -> FloatArray:
         """(n,): torque ratio of the moment; NaN where it is not known."""
-        return np.array([self.library.wrcd_torque_now(self._e, self._d, axle) for axle in range(self.axles)])
+        return self._told("wrcd_torque_now", self.axles)
 
     def inputs_of(self, blocks: IntArray, now: FloatArray) -> FloatArray:
         """What the rules are given (m, COLUMNS) of windows of so many blocks (m,): all axles with one length after all
         with another. now (n,): torque ratio of the moment."""
-        out = np.zeros((len(blocks), COLUMNS))
-        for k, length in enumerate(blocks.tolist()):
-            axle = k % self.axles
-            self.library.wrcd_inputs_of(self._e, self._d, axle, length, float(now[axle]), _address(out[k]))
-        return out
+        m, lengths, torque = len(blocks), np.ascontiguousarray(blocks, np.int64), np.ascontiguousarray(now, np.float64)
+        return self._told("wrcd_inputs_of", m, COLUMNS, given=(m, _address(lengths), _address(torque)))
 
     def steps(self) -> FloatArray:
         """Decades (n, 4) by which the newest part's residuals lie above those of the rest of the usual window."""
-        out = np.zeros((self.axles, MODELS))
-        for axle in range(self.axles):
-            self.library.wrcd_steps(self._e, self._d, axle, _address(out[axle]))
+        return self._told("wrcd_steps", self.axles, MODELS)
+
+    def features(self) -> FloatArray:
+        """(n, FEATURES) that pairs of sensors are judged by, after a look."""
+        return self._told("wrcd_features", self.axles, FEATURES)
+
+    def _told(self, question: str, *shape: int, given: tuple[Any, ...] = ()) -> FloatArray:
+        """What a function of the library writes into an array of this shape."""
+        out = np.empty(shape)
+        getattr(self.library, question)(self._e, self._d, *given, _address(out))
         return out
 
     def reference(self) -> Estimator:

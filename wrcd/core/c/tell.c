@@ -119,7 +119,7 @@ static void pack(const wrcd_lane_sent *s, const wrcd_lane_field *field, const ui
     out->stamp_us = end_us;
     out->word = s->word;
     out->length = (uint8_t)s->length;
-    for (int k = 0; k < s->length; k++)
+    for (int k = 0; k < s->length && k < (int)sizeof out->data; k++)
         out->data[s->is_big_endian ? s->length - 1 - k : k] = (uint8_t)(whole >> 8 * k);
     if (s->is_protected) {
         uint8_t crc = (uint8_t)s->crc_start;

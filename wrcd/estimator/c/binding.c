@@ -55,21 +55,40 @@ void wrcd_run(wrcd_estimator *e, const wrcd_design *d, int64_t number, int64_t t
     }
 }
 
-/* What the rules are given of a window of so many blocks, with this torque of the moment. */
-void wrcd_inputs_of(const wrcd_estimator *e, const wrcd_design *d, int axle, int blocks, double now, double *inputs)
+/* What the rules are given of `count` windows of so many blocks each: all axles with one length after all with another, with
+ * these torques of the moment [axle]. */
+void wrcd_inputs_of(const wrcd_estimator *e, const wrcd_design *d, int count, const int64_t *blocks, const double *now,
+                    double inputs[][WRCD_COLUMNS])
 {
-    wrcd_answer_inputs_of(e, d, axle, blocks, now, inputs);
+    for (int k = 0; k < count; k++) {
+        const int axle = k % (int)e->axles;
+        wrcd_answer_inputs_of(e, d, axle, (int)blocks[k], now[axle], inputs[k]);
+    }
 }
 
-/* Torque ratio of the moment of an axle. */
-double wrcd_torque_now(const wrcd_estimator *e, const wrcd_design *d, int axle) { return wrcd_answer_torque_now(e, d, axle); }
+/* Torque ratio of the moment, by axle. */
+void wrcd_torque_now(const wrcd_estimator *e, const wrcd_design *d, double *ratio)
+{
+    for (int axle = 0; axle < (int)e->axles; axle++)
+        ratio[axle] = wrcd_answer_torque_now(e, d, axle);
+}
 
 /* Decades by which the newest part's residuals lie above those of the rest of the usual window. */
-void wrcd_steps(const wrcd_estimator *e, const wrcd_design *d, int axle, double decades[MODELS])
+void wrcd_steps(const wrcd_estimator *e, const wrcd_design *d, double decades[][MODELS])
 {
     double newer[SUMS], rest[SUMS];
 
-    wrcd_window_sums(e, d, axle, 0, d->recent, false, newer);
-    wrcd_window_sums(e, d, axle, d->recent, d->usual, false, rest);
-    wrcd_window_decades(newer, rest, d->min_ticks, decades);
+    for (int axle = 0; axle < (int)e->axles; axle++) {
+        wrcd_window_sums(e, d, axle, 0, d->recent, false, newer);
+        wrcd_window_sums(e, d, axle, d->recent, d->usual, false, rest);
+        wrcd_window_decades(newer, rest, d->min_ticks, decades[axle]);
+    }
+}
+
+/* What pairs of sensors are judged by, after a look: features of the newest span in which an axle had data, and of the longer
+ * means. */
+void wrcd_features(const wrcd_estimator *e, const wrcd_design *d, double features[][WRCD_PAIR_FEATURES])
+{
+    for (int axle = 0; axle < (int)e->axles; axle++)
+        wrcd_pair_features(&e->axle[axle], e->speed_m_s, wrcd_answer_torque_now(e, d, axle), features[axle]);
 }

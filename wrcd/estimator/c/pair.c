@@ -200,7 +200,7 @@ static double *copied(const double *from, double *x)
     return x + WRCD_COLUMNS;
 }
 
-static void features_of(const wrcd_axle *a, double speed_m_s, double ratio, double x[WRCD_PAIR_FEATURES])
+void wrcd_pair_features(const wrcd_axle *a, double speed_m_s, double ratio, double x[WRCD_PAIR_FEATURES])
 {
     x = own_features(a->health_rows[0], x);
     for (int s = 0; s < 2; s++) {
@@ -289,7 +289,7 @@ void wrcd_health_look(wrcd_estimator *e, const wrcd_design *d, const double inpu
         memmove(a->health_rows[1], a->health_rows[0], (WRCD_PAIR_SPANS - 1) * sizeof a->health_rows[0]);
         rows_of(e, axle, partner < axles && known[partner] && sound[partner], inputs[axle], a->health_rows[0]);
         a->health_held = lesser(a->health_held + 1.0, WRCD_PAIR_SPANS);
-        features_of(a, e->speed_m_s, ratio[axle], x);
+        wrcd_pair_features(a, e->speed_m_s, ratio[axle], x);
         update(d->health, x, a->log_odds);
     }
     for (int axle = 0; axle < axles; axle++) {

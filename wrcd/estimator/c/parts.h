@@ -71,6 +71,7 @@ void wrcd_answer_remember(wrcd_estimator *e, const wrcd_design *d, int axle, dou
 void wrcd_pair_step(wrcd_estimator *e, const wrcd_design *d, int axle, const double z[CHANNELS], bool used);
 void wrcd_pair_end_of_tick(wrcd_estimator *e, const wrcd_design *d);
 void wrcd_pair_reset(wrcd_estimator *e, const wrcd_design *d, int axle);
+void wrcd_pair_features(const wrcd_axle *a, double speed_m_s, double ratio, double x[WRCD_PAIR_FEATURES]);
 void wrcd_health_look(wrcd_estimator *e, const wrcd_design *d, const double inputs[][WRCD_COLUMNS], const double *ratio);
 
 #endif

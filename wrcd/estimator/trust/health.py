@@ -195,21 +195,22 @@ class PairHealth:
         span = self.pairs.take(speed_m_s)
         known = (span.ticks >= MIN_SHARE * SPAN_TICKS) & span.goes_on
         if self._model is not None and known.any():
-            x = self._features(span, known, speed_m_s, ratio, inputs)
-            odds = updated(self._model, self.log_odds, x)
+            self._put(span, known, inputs)
+            odds = updated(self._model, self.log_odds, self.features(speed_m_s, ratio))
             self.log_odds = np.where(known[:, None] & np.isfinite(odds), odds, self.log_odds)
 
-    def _features(
-        self, span: Span, known: BoolArray, speed_m_s: float, ratio: FloatArray, inputs: FloatArray
-    ) -> FloatArray:
-        """(n, FEATURES), with the span in the longer means of the axles that are known. A partner counts that has data
-        and is not doubted itself."""
+    def _put(self, span: Span, known: BoolArray, inputs: FloatArray) -> None:
+        """The span becomes the newest of the axles that are known. A partner counts that has data and is not doubted
+        itself."""
         sound = self.probabilities()[:, PairState.SOUND] >= 0.5
         counts = (known & sound)[self._partner] & ~self._alone
         newest = rows_of(span, counts, inputs)
         self._rows = np.where(known, np.concatenate((newest.joined()[None], self._rows[:-1])), self._rows)
         self._held = np.minimum(self._held + known, SPANS[-1])
-        return features(newest, [split(self._mean(k)) for k in SPANS], speed_m_s, ratio)
+
+    def features(self, speed_m_s: float, ratio: FloatArray) -> FloatArray:
+        """(n, FEATURES): of every axle's newest span in which it had data, and of the longer means."""
+        return features(split(self._rows[0]), [split(self._mean(k)) for k in SPANS], speed_m_s, ratio)
 
     def _mean(self, spans: int) -> FloatArray:
         """(ROWS, n): over so many spans, or those that there are."""
