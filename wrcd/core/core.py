@@ -214,7 +214,11 @@ class Core:
             self._note_outliers(number, lane.yaw_rate, lane.result)
         else:
             lane.report()
-        out = [] if not due or self.muted else self._due((number + 1) * self._period_us, due)
+        out: list[Outgoing] = []
+        if due and not self.muted:
+            out = self._due((number + 1) * self._period_us, due)
+        elif due and self._front is not None:
+            self._front.forget_news()
         if lane.is_lent:
             lane.was_told()
         return out

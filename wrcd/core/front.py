@@ -62,6 +62,33 @@ class Front:
             block_m = self._speed_m_s * self._tick_s * BLOCK_TICKS
             self._watch.add(tick.number, result.whitened, usable, tick.torque_ratio, self._way_m, block_m, self._behind)
 
+    def lend(self, record: np.void) -> None:
+        """Put the state into wrcd_front of wrcd/core/c/lane.h, which goes on with it."""
+        watch, n = self._watch, len(self._lost)
+        record["block"][:n] = watch._blocks.transpose(2, 0, 1)
+        record["pause"][:n], record["jolt"][:n], record["steady"][:n] = watch._pause, watch._jolt, watch._steady
+        record["way_m"], record["newest"] = self._way_m, watch._block
+        record["behind"][:n] = [sum(1 << other for other in behind) for behind in self._behind]
+        self.lend_news(record)
+
+    def lend_news(self, record: np.void) -> None:
+        """The same of what is told once."""
+        record["met_m"][: len(self._lost)] = self._watch.met_m
+
+    def take_back(self, record: np.void) -> None:
+        """The state as it has become there."""
+        watch, n = self._watch, len(self._lost)
+        watch._blocks[:] = record["block"][:n].transpose(1, 2, 0)
+        watch._pause[:], watch._jolt[:] = record["pause"][:n], record["jolt"][:n]
+        watch._steady, watch._block = record["steady"][:n] > 0.0, int(record["newest"])
+        watch.met_m[:] = record["met_m"][:n]
+        self._way_m, self._speed_m_s = float(record["way_m"]), float(record["speed_m_s"])
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether the speed is known, and forward."""
+        return self._known
+
     def reset(self, axle: int, lost: bool) -> None:
         """An axle starts anew; lost: since its sensors or its estimator broke."""
         self._watch.reset(axle)

@@ -21,6 +21,7 @@ from wrcd.core.inputs import LAT, QUANTITIES, SPEED, TORQUE, TRACTION_HELD_US, T
 from wrcd.core.lane_records import (
     FIELD,
     FRAME_RECORD,
+    FRONT,
     LANE,
     MAX_CYCLES,
     MAX_WORDS,
@@ -58,7 +59,6 @@ def fits(core: "Core") -> bool:
     return (
         isinstance(core.estimator, CompiledEstimator)
         and core._observer is None
-        and core._front is None
         and all(len(parts) == 1 for parts in inputs._parts)
         and min((t for _, t in inputs._deadlines), default=0) > 0
         and len(core._outbox.cycles_us) <= MAX_CYCLES
@@ -90,21 +90,23 @@ class FastLane:
             self._describe(m, key, reader, places, oks)
         self._places, self._oks = np.array([*places, 0], dtype=np.int32), np.array([*oks, 0], dtype=np.uint64)
         self._crc_table = np.frombuffer(CRC_TABLE, dtype=np.uint8)
-        self._sent, self._fields, self._quiet = _sent_by(core._outbox)
+        self._sent, self._fields, self._quiet = _sent_by(core._outbox, fusing=core._front is not None)
         self._cycles = {int(s["word"]): int(s["cycle_us"]) for s in self._sent}
         self._adhesions = sum(w is not None for w in core._outbox.of_axles["adhesion"])
         self._made = np.zeros(_MAX_SLOTS * max(1, len(self._sent)), dtype=FRAME_RECORD)
         self._slots = np.zeros(_MAX_SLOTS, dtype=SLOT)
-        sizes = [core.estimator.library.wrcd_lane_bytes(of) for of in range(8)]
-        ours = FRAME_RECORD, MESSAGE, SIGNAL, PLACE, LANE, SENT, FIELD, SLOT
+        self._front = np.zeros(1, dtype=FRONT)
+        sizes = [core.estimator.library.wrcd_lane_bytes(of) for of in range(9)]
+        ours = FRAME_RECORD, MESSAGE, SIGNAL, PLACE, LANE, SENT, FIELD, SLOT, FRONT
         assert sizes == [x.itemsize for x in ours], f"{sizes} are not {[x.itemsize for x in ours]}"
         tables = (
             self._message, self._signal, self._place, self._places, self._oks, self._crc_table, self._sent,
             self._fields, self._made, self._slots,
         )  # fmt: skip
-        self._tables = np.array([*(t.ctypes.data for t in tables), len(self._made), len(self._slots)], dtype=np.int64)
-        addresses = (ctypes.c_void_p(t.ctypes.data) for t in (self._lane, self._tables))
-        self._arguments = (*addresses, *core.estimator.arguments)
+        addresses = [t.ctypes.data for t in tables] + [0 if core._front is None else self._front.ctypes.data]
+        self._tables = np.array([*addresses, len(self._made), len(self._slots)], dtype=np.int64)
+        own = (ctypes.c_void_p(t.ctypes.data) for t in (self._lane, self._tables))
+        self._arguments = (*own, *core.estimator.arguments)
         self._taken = ctypes.c_int64(0)
         self._taken_at = ctypes.byref(self._taken)
         self._describe_words()
@@ -188,6 +190,7 @@ class FastLane:
             or inputs._speed_jumped or not inputs.all_trusted
             or any(core._backoff.waiting(axle, core._open) for axle in range(self._n))
             or any(check.run >= MIN_RUN for check in inputs._stuck_checks.values())
+            or (core._front is not None and not core._front.goes_on)
         )  # fmt: skip
 
     def take(self, batch: Batch, first: int) -> tuple[int, int]:
@@ -229,6 +232,8 @@ class FastLane:
         for m, reader in zip(self._message, self._readers, strict=True):
             if (checker := reader.checker) is not None:
                 m["is_suspicious"], m["last"] = checker.is_suspicious, -1 if checker._last is None else checker._last
+        if core._front is not None:
+            core._front.lend(self._front[0])
         self.was_told()
 
     def was_told(self) -> None:
@@ -236,7 +241,10 @@ class FastLane:
         k, events = self._k, self._core.events
         k["confidence"][: self._n] = [_LEVELS.index(level) for level in events.confidences]
         k["cause"][: self._n], k["standing"][: self._n] = events.causes, events.standing_causes
-        k["quiet"] = self._quiet if events.all_estimated and not self._core.explains else 0
+        quiet = events.all_estimated and not (self._core.explains or self._core.muted)
+        k["quiet"] = self._quiet if quiet else 0
+        if self._core._front is not None:
+            self._core._front.lend_news(self._front[0])
 
     def made(self) -> list[Outgoing]:
         """The frames that were made since the last time."""
@@ -310,6 +318,8 @@ class FastLane:
         inputs._jitter_buffer.used_us = p["used_us"][: (LAT + 1) * n].tolist()
         core._tick = TickInputs(inputs.speed_m_s, False, [], None, k["torque_ratio"][:n].tolist(), (), ())
         inputs.reach._register, inputs.reach._until_us = p["reach"].tolist(), p["reach_until_us"].tolist()
+        if core._front is not None:
+            core._front.take_back(self._front[0])
 
     def give_back(self) -> None:
         """Let Python go on from here."""
@@ -355,9 +365,9 @@ def _report(told: list[float]) -> Report:
     )  # fmt: skip
 
 
-def _sent_by(outbox: Outbox) -> tuple[Any, Any, int]:
+def _sent_by(outbox: Outbox, fusing: bool) -> tuple[Any, Any, int]:
     """What is sent of the axles: messages, their fields, and a bit for each cycle at which nothing else is due. No
-    messages and no cycles where any is not plain."""
+    messages and no cycles where any is not plain. fusing: what lies ahead is looked at with each that explains."""
     groups = outbox.of_axles
     written = [(group, axle, w) for group, of in groups.items() for axle, w in enumerate(of) if w is not None]
     if any(w.order is None or w.fd or w.length > 8 for _, _, w in written):
@@ -377,6 +387,8 @@ def _sent_by(outbox: Outbox) -> tuple[Any, Any, int]:
             _describe_field(f, group, name, signal)
         first += len(w.writers)
     others = {w.cycle_us for w in outbox.others}
+    if fusing:
+        others |= {w.cycle_us for group, _, w in written if group != "adhesion"}
     quiet = sum(1 << k for k, cycle_us in enumerate(outbox.cycles_us) if cycle_us not in others)
     return sent, fields, quiet
 

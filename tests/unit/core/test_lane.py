@@ -121,10 +121,12 @@ def test_undisturbed_train_runs_in_the_lane(axles: int, explains: bool, tmp_path
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_whatever_happens_on_the_bus_gives_the_same(seed: int, tmp_path: Path) -> None:
+@pytest.mark.parametrize("fusing", [False, True])
+def test_whatever_happens_on_the_bus_gives_the_same(seed: int, fusing: bool, tmp_path: Path) -> None:
     chance = np.random.default_rng(seed)
-    axles = int(chance.choice([1, 2, 4]))
+    axles = int(chance.choice([2, 4] if fusing else [1, 2, 4]))
     frames = list(spoilt(played(axles), chance))
-    core, _ = compare(configured(tmp_path, axles), frames, chance, bool(seed % 2))
+    more = f"\n[fusion]\npositions_m = {[-2.5 * k for k in range(axles)]}\none_way = true\n" if fusing else ""
+    core, _ = compare(configured(tmp_path, axles, more), frames, chance, bool(seed % 2))
     assert core.counts.rejected.total() > 10
     assert 0 < core.lane_ticks < core.counts.ticks

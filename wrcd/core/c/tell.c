@@ -1,11 +1,12 @@
-/* What a slot's frames tell while every axle's state is as before, and the frames. As slot.py, messages.py and bus/writers.py. */
+/* What a slot's frames tell while every axle's state is as before, and the frames. As slot.py, messages.py and
+ * bus/writers.py. */
 #include <math.h>
 #include <stdbool.h>
 #include <string.h>
 
 #include "lane.h"
 
-enum { TORQUE = 2, SPEED = 3, BRAKE = 4, COUNTER_MODULO = 15, VALID = 1, DEGRADED, REACH_BITS = 8, QUANTITIES_TOLD = 4 };
+enum { TORQUE = 2, BRAKE = 4, COUNTER_MODULO = 15, VALID = 1, DEGRADED, REACH_BITS = 8, QUANTITIES_TOLD = 4 };
 enum { ADHERING = 1, SATURATED, CONSISTENT = 1, FULL, CONTRADICTS };
 
 /* Age of the oldest of gyro, acceleration, torques and speed, in ms. */

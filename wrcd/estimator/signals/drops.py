@@ -41,7 +41,7 @@ JOLT_BLOCKS = NEWEST[-1] + 1
 PAUSE = REFERENCE  # blocks after a sign without another of the same wheelset: the reference is of two rails
 _POWERS = len(CHANNELS)
 _COUNT, _TORQUE, _TORQUE_COUNT = _POWERS, _POWERS + 1, _POWERS + 2
-_COLUMNS = _POWERS + 3
+SUMMED = _POWERS + 3  # of a block
 
 
 @dataclass(init=False, repr=False, eq=False)
@@ -56,7 +56,7 @@ class DropWatch:
     _block: int = -1  # its number
 
     def __init__(self, axles: int) -> None:
-        self._blocks = np.zeros((LENGTH, _COLUMNS, axles))
+        self._blocks = np.zeros((LENGTH, SUMMED, axles))
         self._pause = np.zeros(axles)
         self._jolt = np.zeros(axles)
         self._steady = np.zeros(axles, dtype=bool)
