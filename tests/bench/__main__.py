@@ -47,7 +47,11 @@ def main() -> int:
         document = {"measured": on, "rows": [r.document() for r in rows]}
         args.json.write_text(json.dumps(document, indent=1, ensure_ascii=False) + "\n")
     if args.markdown is not None:
-        core_us = [(int(r.name.split()[0]), r.times[OURS]) for r in rows if r.group == GROUP and OURS in r.times]
+        core_us = [
+            (int(r.name.split()[0]), r.times[OURS])
+            for r in rows
+            if r.group == GROUP and OURS in r.times and r.name.endswith(" axles")
+        ]
         by_axles = "\n".join(table(core_us)) + "\n\n" if core_us else ""
         write_page(args.markdown, f"Measured on {on}.\n\n{by_axles}{timing.markdown(rows)}\n")
     return 0

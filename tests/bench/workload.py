@@ -29,16 +29,28 @@ class Recorded:
     data: bytes
 
 
-def scenario() -> Scenario:
-    """Four wheelsets on different rails, the creep held."""
-    return read_scenario(parse_toml(FOUR_AXLES, "four axles"), "four axles")
+# A rough track with joints, and an axle that slides and grips again: pulses, filters that swing, windows that are cut.
+ROUGH = """
+track = "poor"
+[axlebox]
+joint_m_s2 = 20
+vibration_m_s2 = 2
+[axle.1]
+drive = { creep_of_peak = [[0, 0.2], [2, 0.2], [2.2, 3.0], [3.2, 3.0], [3.4, 0.3], [4.6, 0.3], [4.8, 3.0], [6, 3.0]] }
+"""
+
+
+def scenario(rough: bool = False) -> Scenario:
+    """Four wheelsets on different rails, the creep held; on a rough track one slides."""
+    text = FOUR_AXLES.replace("[axle.2]", ROUGH + "[axle.2]") if rough else FOUR_AXLES
+    return read_scenario(parse_toml(text, "four axles"), "four axles")
 
 
 @cache
-def stretch(axles: int = RECORDED) -> tuple[Recorded, ...]:
+def stretch(axles: int = RECORDED, rough: bool = False) -> tuple[Recorded, ...]:
     """The rig's frames of so many axles; what is beyond four repeats the first ones under ids of their own."""
     out: list[Recorded] = []
-    for _, frames in Player(scenario(), truth=False):
+    for _, frames in Player(scenario(rough), truth=False):
         for f in frames:
             if not FIRST_US <= f.due_us < FIRST_US + LENGTH_US:
                 continue
@@ -59,9 +71,9 @@ def frames(axles: int = RECORDED, start_us: int = START_US) -> Iterator[Frame]:
         begin_us += LENGTH_US
 
 
-def write_stretch(path: Path, axles: int) -> None:
+def write_stretch(path: Path, axles: int, rough: bool = False) -> None:
     """One line a frame, for another process: microseconds, id, data."""
-    path.write_text("".join(f"{r.at_us} {r.can_id} {r.data.hex()}\n" for r in stretch(axles)))
+    path.write_text("".join(f"{r.at_us} {r.can_id} {r.data.hex()}\n" for r in stretch(axles, rough)))
 
 
 def write_log(path: Path, seconds: float, axles: int = RECORDED) -> int:
