@@ -18,7 +18,7 @@ from sim_ecu.play.encoder import COUNTERS, SAMPLE_US, Channel, Sent, data_id, da
 from sim_ecu.play.mapped import Train
 from sim_ecu.play.play import LOG_START_US
 from sim_ecu.play.train import PACKAGED
-from wrcd.bus.batch import Batch
+from wrcd.bus.batch import FrameBatch
 from wrcd.bus.frame import Frame
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
@@ -149,7 +149,7 @@ class Lockstep:
         if self.core is None:
             return
         frame = Frame(LOG_START_US + f.due_us, f.can_id, f.data, f.extended, error=f.error)
-        for out in self.core.feed_batch(Batch.of([frame])):
+        for out in self.core.feed_batch(FrameBatch.of([frame])):
             self._send(out.frame.can_id, out.frame.data, out.frame.stamp_us - LOG_START_US)
 
     def _send(self, can_id: int, data: bytes, stamp_us: int) -> None:

@@ -16,7 +16,7 @@ from sim_ecu.play.player import LARGE_CHUNK, Player
 from sim_ecu.play.train import PACKAGED
 from sim_ecu.score.baselines import Baseline, GivenTicks
 from sim_ecu.score.suites.run import Run
-from wrcd.bus.batch import Batch
+from wrcd.bus.batch import FrameBatch
 from wrcd.bus.frame import Frame
 from wrcd.core.causes import Cause
 from wrcd.core.configuration import MAX_AXLES, Config
@@ -172,7 +172,7 @@ class Listener:
             for f in frames:
                 yield from self._core.feed(f)
         else:
-            yield from self._core.feed_batch(Batch.of(frames))
+            yield from self._core.feed_batch(FrameBatch.of(frames))
 
     def traces(self) -> list[Trace]:
         """An entry for each axle."""

@@ -63,7 +63,7 @@ def main(stretch_file: str, config_file: str, length_us: str) -> None:
     gc.freeze()  # as the daemon does
     print(wrcd.__file__, *sorted(valid), flush=True)
     if hasattr(core, "feed_batch"):
-        core.explains, batch_of = False, import_module("wrcd.bus.batch").Batch.of
+        core.explains, batch_of = False, import_module("wrcd.bus.batch").FrameBatch.of
     for line in sys.stdin:
         block = [next(source) for _ in range(int(line))]
         if hasattr(core, "feed_batch"):  # as the daemon does

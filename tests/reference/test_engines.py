@@ -10,7 +10,9 @@ import pytest
 from tests.reference.engines import Findings, compare
 from tests.support.scenarios import FOUR_AXLES, LogOf, held
 from wrcd.config.config import load_config
+from wrcd.core import core
 from wrcd.core.core import Core, Observer
+from wrcd.estimator.estimator import Estimator
 from wrcd.estimator.paper import bank
 from wrcd.estimator.records import Estimate, StepResult, Tick
 from wrcd.estimator.signals import noise
@@ -74,9 +76,9 @@ class Lengths(Observer):
 def test_the_log_has_what_the_engines_are_compared_on(log_of: LogOf) -> None:
     """Whole windows, dropped at the change of torque or rail, and pulses."""
     seen = Lengths()
-    core = Core(load_config(None), observer=seen)
+    played = Core(load_config(None), observer=seen)
     for frame, _ in read_log(log_of(RAMP_OVER_JOINTS), Damage()):
-        core.feed(frame)
+        played.feed(frame)
     windows = np.array(seen.windows_s)
     assert windows.max() == 1.0
     assert windows[windows.argmax() :].min() < 0.5
@@ -90,5 +92,6 @@ def test_the_log_has_what_the_engines_are_compared_on(log_of: LogOf) -> None:
 def test_difference_between_engines_is_found(
     room: ModuleType, name: str, value: float, log: str, log_of: LogOf, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(core, "make_estimator", Estimator)  # C has constants of its own
     monkeypatch.setattr(room, name, value)
     assert not compare(log_of(LOGS[log]), load_config(None), 0.3).agree

@@ -8,7 +8,7 @@ from wrcd.bus.frame import ERROR, EXTENDED, ID_BITS, REMOTE, Frame
 RECORD = struct.Struct("=qIBBH8s")  # stamp, the kernel's word, length, flags, reserved, data
 
 
-class Batch:
+class FrameBatch:
     """Frames that are made only when they are looked at. records: one behind the other."""
 
     __slots__ = ("records",)
@@ -17,7 +17,7 @@ class Batch:
         self.records = records
 
     @classmethod
-    def of(cls, frames: Sequence[Frame]) -> "Batch":
+    def of(cls, frames: Sequence[Frame]) -> "FrameBatch":
         """Of classical frames; a DLC above 8 is not kept. Raises ValueError for one of CAN FD."""
         if any(f.fd for f in frames):
             raise ValueError("a batch holds no CAN FD frame")

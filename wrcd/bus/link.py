@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
-from wrcd.bus.batch import Batch
+from wrcd.bus.batch import FrameBatch
 from wrcd.bus.frame import Frame
 
 MAX_FRAMES = 4096  # that a link hands over at a time, so that no flood keeps the loop from its tick
@@ -49,7 +49,7 @@ class Link(Protocol):
         """What is there, oldest first, MAX_FRAMES at the most. now_us serves re-opening, and stamps where the interface
         has none."""
 
-    def receive_batch(self, now_us: int) -> Batch | list[Frame]:
+    def receive_batch(self, now_us: int) -> FrameBatch | list[Frame]:
         """The same, where the link can without one Python object for each."""
         return self.receive(now_us)
 

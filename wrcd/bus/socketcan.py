@@ -10,7 +10,7 @@ import socket
 import struct
 from collections.abc import Sequence
 
-from wrcd.bus.batch import RECORD, Batch, frame_of, word_of
+from wrcd.bus.batch import RECORD, FrameBatch, frame_of, word_of
 from wrcd.bus.frame import ERROR, REMOTE, Frame
 from wrcd.bus.link import MAX_FRAMES, Link, LinkHealth
 from wrcd.bus.rawcan import (
@@ -133,7 +133,7 @@ class SocketCanLink(Link):
         soon as it is back."""
         return list(self.receive_batch(now_us))
 
-    def receive_batch(self, now_us: int) -> Batch | list[Frame]:
+    def receive_batch(self, now_us: int) -> FrameBatch | list[Frame]:
         """The same, of classical frames without one Python object for each."""
         came = self._follow(now_us)
         if self._socket is None:
@@ -158,7 +158,7 @@ class SocketCanLink(Link):
                 self._lose(now_us)
         return came
 
-    def _read(self, now_us: int, most: int) -> Batch | list[Frame]:
+    def _read(self, now_us: int, most: int) -> FrameBatch | list[Frame]:
         if (c := library()) is None or self._fd or self._hardware is not None:
             return self._read_one_by_one(now_us, most)
         own, said, size, begin = struct.pack(f"={len(self._own)}I", *self._own), _Received(), RECORD.size, 0
@@ -176,7 +176,7 @@ class SocketCanLink(Link):
             begin += count
             if not said.error or not self._goes_on(said.error, now_us):
                 break
-        return Batch(ctypes.string_at(self._records, begin * size))
+        return FrameBatch(ctypes.string_at(self._records, begin * size))
 
     def _read_one_by_one(self, now_us: int, most: int) -> list[Frame]:
         frames: list[Frame] = []
@@ -344,7 +344,7 @@ class SocketCanLink(Link):
         if (c := library()) is None or len(frames) == 1:
             s.send(FRAME.pack(word_of(frames[0]), len(frames[0].data), frames[0].data))
             return 1
-        sent = int(c.wrcd_send(s.fileno(), Batch.of(frames).records, len(frames)))
+        sent = int(c.wrcd_send(s.fileno(), FrameBatch.of(frames).records, len(frames)))
         if sent < 0:
             raise OSError(-sent, os.strerror(-sent))
         return sent

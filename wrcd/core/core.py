@@ -12,11 +12,13 @@ silence and step leave the same behind them, and whoever cannot tell them apart,
 """
 
 from collections.abc import Sequence
+from copy import copy, deepcopy
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from wrcd.bus.batch import Batch
+from wrcd.bus.batch import FrameBatch
 from wrcd.bus.codec import Receiver, Sample, Value
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
@@ -113,7 +115,17 @@ class Core:
         self._adviser = None if config.advice is None else Adviser(n, config.advice)
         self.explains = True  # what feed_batch() makes comes with its estimate, as what feed() makes
         self.muted = False  # make no frames: nobody would send them
-        self._lane = FastLane(self, (SILENCE_US, FORWARD_STEP_US, BACKWARD_STEP_US)) if fits(self) else None
+        self._lane = self._make_lane()
+
+    def _make_lane(self) -> FastLane | None:
+        return FastLane(self, (SILENCE_US, FORWARD_STEP_US, BACKWARD_STEP_US)) if fits(self) else None
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "Core":
+        self.settle()
+        twin = memo[id(self)] = copy(self)
+        vars(twin).update({name: deepcopy(x, memo) for name, x in vars(self).items() if name != "_lane"})
+        twin._lane = twin._make_lane()
+        return twin
 
     @property
     def speed_m_s(self) -> float:
@@ -188,7 +200,7 @@ class Core:
         """How many ticks were closed in the fast lane."""
         return 0 if self._lane is None else self._lane.total_ticks
 
-    def feed_batch(self, batch: Batch) -> list[Outgoing]:
+    def feed_batch(self, batch: FrameBatch) -> list[Outgoing]:
         """Take frames, as feed() does each: in C while nothing happens."""
         out: list[Outgoing] = []
         at, lane = 0, self._lane

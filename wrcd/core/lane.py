@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wrcd.bus.batch import Batch
+from wrcd.bus.batch import FrameBatch
 from wrcd.bus.e2e import CRC_TABLE, Checker
 from wrcd.bus.frame import EXTENDED
 from wrcd.bus.readers import MessageReader
@@ -193,7 +193,7 @@ class FastLane:
             or (core._front is not None and not core._front.goes_on)
         )  # fmt: skip
 
-    def take(self, batch: Batch, first: int) -> tuple[int, int]:
+    def take(self, batch: FrameBatch, first: int) -> tuple[int, int]:
         """Take frames from `first` on until something happens. Returns what, and the first that was not taken."""
         if not self.is_lent:
             self._lend()
@@ -257,7 +257,7 @@ class FastLane:
         made = self._made[:count]
         return [
             Outgoing(frame, cycles[frame.key], None, _CAUSES[cause])
-            for frame, cause in zip(Batch(made.tobytes()), made["cause"].tolist(), strict=True)
+            for frame, cause in zip(FrameBatch(made.tobytes()), made["cause"].tolist(), strict=True)
         ]
 
     def reports(self, newest_alone: bool) -> list[SlotReports]:

@@ -101,6 +101,11 @@ class CompiledEstimator:
         library.wrcd_begin(self._e, self._d, axles)
         self.health = CompiledHealth(self)
 
+    def __deepcopy__(self, memo: dict[int, Any]) -> "CompiledEstimator":
+        twin = memo[id(self)] = CompiledEstimator(self.library, self.design, self.axles)
+        twin._memory[:] = self._memory
+        return twin
+
     @property
     def newest(self) -> StepResult:
         """What the newest tick brought."""

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wrcd.bus.batch import Batch
+from wrcd.bus.batch import FrameBatch
 from wrcd.bus.codec import MessageReader, Receiver, Sample
 from wrcd.bus.e2e import crcs
 from wrcd.bus.frame import EXTENDED, Frame
@@ -53,11 +53,11 @@ class Stretch:
         return self.ids | np.where(self.extended, EXTENDED, 0)
 
     @property
-    def batch(self) -> Batch:
+    def batch(self) -> FrameBatch:
         """The same in one piece."""
         out = np.zeros(len(self), dtype=_RECORD)
         out["stamp_us"], out["word"], out["length"], out["data"] = self.stamps_us, self.keys, self.lengths, self.data
-        return Batch(out.tobytes())
+        return FrameBatch(out.tobytes())
 
     def frame(self, k: int) -> Frame:
         """One of them."""

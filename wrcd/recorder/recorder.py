@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from wrcd.bus.batch import Batch
+from wrcd.bus.batch import FrameBatch
 from wrcd.bus.frame import Frame
 from wrcd.core.causes import Validity
 from wrcd.core.configuration import RecorderConfig
@@ -116,7 +116,7 @@ class Recorder:
         self._name = ""
         self._said = ""
 
-    def received(self, frames: Batch | Sequence[Frame]) -> None:
+    def received(self, frames: FrameBatch | Sequence[Frame]) -> None:
         """What the link handed over in this turn, before it is fed."""
         self._note_health()  # the link may have learnt of losses on the way
         self._ring.put_frames(RECEIVED, frames)

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from wrcd.bus.batch import Batch, word_of
+from wrcd.bus.batch import FrameBatch, word_of
 from wrcd.bus.frame import ERROR, EXTENDED, ID_BITS, REMOTE, Frame
 
 # What a record tells: a frame came, a frame went, the clock closed ticks, the health of loop or link changed.
@@ -52,9 +52,9 @@ class Ring:
         """A frame."""
         self.put(kind | _FD * f.fd, f.stamp_us, word_of(f), f.data)
 
-    def put_frames(self, kind: int, frames: Batch | Sequence[Frame]) -> None:
+    def put_frames(self, kind: int, frames: FrameBatch | Sequence[Frame]) -> None:
         """Frames, of a batch as they are."""
-        if not isinstance(frames, Batch) or self.data_bytes != CLASSICAL_BYTES:
+        if not isinstance(frames, FrameBatch) or self.data_bytes != CLASSICAL_BYTES:
             for f in frames:
                 self.put_frame(kind, f)
             return

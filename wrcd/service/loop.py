@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from itertools import groupby
 from types import FrameType
 
-from wrcd.bus.batch import Batch
+from wrcd.bus.batch import FrameBatch
 from wrcd.bus.frame import Frame
 from wrcd.bus.link import Link
 from wrcd.core.core import BACKWARD_STEP_US, FORWARD_STEP_US, Core
@@ -122,10 +122,10 @@ class Daemon:
         past = (self._turn_us - self.core.newest_us) // self._period_us
         return past if 0 <= past < slept else 0
 
-    def _feed(self, frames: Batch | Sequence[Frame]) -> list[Outgoing]:
+    def _feed(self, frames: FrameBatch | Sequence[Frame]) -> list[Outgoing]:
         if self._recorder is not None:
             self._recorder.received(frames)
-        if isinstance(frames, Batch):
+        if isinstance(frames, FrameBatch):
             return self.core.feed_batch(frames)
         return [o for frame in frames for o in self.core.feed(frame)]
 

@@ -14,7 +14,7 @@ from sim_ecu.loop.lockstep import Lockstep
 from sim_ecu.play.encoder import SAMPLE_US
 from sim_ecu.play.play import LOG_START_US
 from sim_ecu.score.score_play import MessageFrames, TrainFrames
-from wrcd.bus.batch import Batch
+from wrcd.bus.batch import FrameBatch
 from wrcd.bus.frame import Frame
 from wrcd.core.causes import Validity
 from wrcd.core.configuration import Config
@@ -65,7 +65,7 @@ def play(drive: PatchRide, fusing: Config, plain: Config | None) -> PatchRecord:
 
     def frame(stamp_us: int, can_id: int, data: bytes) -> None:
         for core, kept in pairs:
-            for out in core.feed_batch(Batch.of([Frame(LOG_START_US + stamp_us, can_id, data)])):
+            for out in core.feed_batch(FrameBatch.of([Frame(LOG_START_US + stamp_us, can_id, data)])):
                 kept.keep(out.frame.stamp_us - LOG_START_US, out.frame.can_id, out.frame.data)
 
     run = Lockstep(scenario, make_controller(drive.law, Facts.of(scenario)), None, frame, sensors=True)

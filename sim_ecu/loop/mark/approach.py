@@ -12,7 +12,7 @@ from sim_ecu.loop.control.braking_rate import RATES
 from sim_ecu.loop.mark.lines import AXLES, Stop, braking_m
 from sim_ecu.play.play import LOG_START_US
 from sim_ecu.play.player import LARGE_CHUNK, Player
-from wrcd.bus.batch import Batch
+from wrcd.bus.batch import FrameBatch
 from wrcd.bus.codec import Writer
 from wrcd.bus.dbc import find_message
 from wrcd.bus.frame import Frame
@@ -37,7 +37,7 @@ def approach(stops: Sequence[Stop]) -> Sequence[Advices]:
     core, shared = Core(_packaged(len(axles))), _Shared(len(stops), advised_configuration())
     for _, frames in Player(train, truth=False, chunk=LARGE_CHUNK):
         for f in frames:
-            shared.take(core, core.feed_batch(Batch.of([Frame(LOG_START_US + f.due_us, f.can_id, f.data)])))
+            shared.take(core, core.feed_batch(FrameBatch.of([Frame(LOG_START_US + f.due_us, f.can_id, f.data)])))
     return shared.heard
 
 

@@ -10,7 +10,7 @@ from tests.bench.on_pair import PairLink, pair
 from tests.bench.workload import frames
 from tests.support.can_ids import ADHESION_A1, YAW_RATE_A1
 from wrcd.bus import socketcan
-from wrcd.bus.batch import Batch, word_of
+from wrcd.bus.batch import FrameBatch, word_of
 from wrcd.bus.frame import Frame
 from wrcd.bus.rawcan import FRAME
 from wrcd.native import library
@@ -28,14 +28,14 @@ KINDS = [
 
 
 def test_batch_keeps_every_classical_frame() -> None:
-    batch = Batch.of(KINDS)
+    batch = FrameBatch.of(KINDS)
     assert (list(batch), len(batch)) == (KINDS, len(KINDS))
-    assert list(Batch.of([])) == []
+    assert list(FrameBatch.of([])) == []
 
 
 def test_batch_rejects_can_fd() -> None:
     with pytest.raises(ValueError, match="CAN FD"):
-        Batch.of([*KINDS, Frame(NOW, 0x101, bytes(12), fd=True)])
+        FrameBatch.of([*KINDS, Frame(NOW, 0x101, bytes(12), fd=True)])
 
 
 class Pair:
@@ -55,7 +55,7 @@ class Pair:
         self.far.close()
 
 
-@pytest.fixture(params=[Batch, list], ids=["many a call", "one by one"])
+@pytest.fixture(params=[FrameBatch, list], ids=["many a call", "one by one"])
 def ends(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[Pair]:
     if request.param is list:
         monkeypatch.setattr(socketcan, "library", lambda: None)

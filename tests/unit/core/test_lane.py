@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.bench.workload import LENGTH_US, START_US, stretch
-from wrcd.bus.batch import Batch
+from wrcd.bus.batch import FrameBatch
 from wrcd.bus.e2e import protect
 from wrcd.bus.frame import Frame
 from wrcd.config.config import load_config, packaged
@@ -83,12 +83,12 @@ def spoilt(frames: Sequence[Frame], chance: np.random.Generator) -> Iterator[Fra
             yield replace(frame, data=frame.data[:-1])
 
 
-def batches(frames: Sequence[Frame], chance: np.random.Generator) -> Iterator[Batch]:
+def batches(frames: Sequence[Frame], chance: np.random.Generator) -> Iterator[FrameBatch]:
     """Any number at once."""
     at = 0
     while at < len(frames):
         end = at + int(chance.integers(1, MOST_AT_ONCE))
-        yield Batch.of(frames[at:end])
+        yield FrameBatch.of(frames[at:end])
         at = end
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.unit.estimator.test_native import ROOT
+from tests.support.processes import ROOT
 from wrcd.core import configuration
 from wrcd.estimator import answer, design, estimator
 from wrcd.estimator.paper import bank, fuzzy, rule_inputs, window
@@ -57,7 +57,11 @@ def constants(text: str, known: dict[str, Any]) -> Iterator[tuple[str, Any]]:
             name, _, value = map(str.strip, part.partition("="))
             declared = value or enumeration
             if declared and re.fullmatch(r"[A-Z][A-Z0-9_]*(\[\w+\])*", name):
-                said = value.replace("{", "[").replace("}", "]")
+                said = (
+                    value.replace("{", "[")
+                    .replace("}", "]")
+                    .replace(" / 2", " // 2" if " / 2" in value and "." not in value else " / 2")
+                )
                 before = eval(said, {}, known) if value else before + 1
                 bare = re.sub(r"\[.*|^WRCD_", "", name)
                 known |= {name.partition("[")[0]: before, bare: before}

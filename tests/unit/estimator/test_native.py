@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from tests.support.fuzzed_ticks import MAX_AXLES, Step, Train, designs
+from tests.support.processes import ROOT
 from wrcd import native
 from wrcd.estimator.design import Design, FloatArray
 from wrcd.estimator.engine import Engine
@@ -24,7 +25,6 @@ from wrcd.estimator.native_estimator import CompiledEstimator
 from wrcd.estimator.records import Estimate, StepResult
 from wrcd.recorder.state import capture, encode, restore
 
-ROOT = Path(__file__).parents[3]
 # Of the largest innovation of an axle since its reset, and of 1. What differs is the order of sums and the fused
 # multiply-add of numpy's matrix product; a filter's closed loop makes a rounding of its state up to 140 times as large
 # before it fades, and H turns a radian of it into up to 3200 m/s2.

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.unit.estimator.test_native import ROOT
+from tests.support.processes import ROOT
 from wrcd import native
 
 SOURCES = sorted((ROOT / "wrcd").glob("*/c/*.c"))
@@ -20,7 +20,8 @@ TICKS = 600  # of each design and number of axles
 def compiled(folder: Path, compiler: str, *flags: str) -> Path:
     library = folder / "_native.so"
     digest = f'-DWRCD_SOURCES="{native.sources()}"'
-    words = [compiler, *STRICT, digest, *flags, *map(str, SOURCES), "-o", str(library), "-lm"]
+    folders = sorted({f"-I{source.parent}" for source in SOURCES})
+    words = [compiler, *STRICT, digest, *folders, *flags, *map(str, SOURCES), "-o", str(library), "-lm"]
     done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False)
     assert (done.returncode, done.stderr) == (0, "")
     return library

@@ -3,7 +3,7 @@
 import pytest
 
 from tests.support.can_ids import UNMAPPED, YAW_RATE_A1
-from wrcd.bus.batch import Batch
+from wrcd.bus.batch import FrameBatch
 from wrcd.bus.frame import Frame
 from wrcd.recorder.ring import ADVANCED, CLASSICAL_BYTES, FD_BYTES, RECEIVED, SENT, Overwritten, Ring
 
@@ -30,7 +30,7 @@ def test_batch_is_kept_as_its_frames_one_by_one(data_bytes: int) -> None:
     for frames in (kinds, kinds * 2, kinds, kinds * 9, []):
         at_once.put(ADVANCED, 1)
         one_by_one.put(ADVANCED, 1)
-        at_once.put_frames(RECEIVED, Batch.of(frames))
+        at_once.put_frames(RECEIVED, FrameBatch.of(frames))
         one_by_one.put_frames(RECEIVED, frames)
         begin = max(0, one_by_one.end - 10)
         assert at_once.end == one_by_one.end

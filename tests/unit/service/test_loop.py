@@ -260,7 +260,7 @@ class Dump:
         self.begun: list[tuple[bool, list[int]]] = []
 
     def close(self, *_: object) -> None:
-        self.begun.append((self._wire.closed, [f.data[1] >> 4 for f in self._wire.sent[-5:]]))
+        self.begun.append((self._wire.closed, [f.data[1] >> 4 & 3 for f in self._wire.sent[-5:]]))
 
 
 @pytest.mark.parametrize("where", ["poll", "catch_up"])
