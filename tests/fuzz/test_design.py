@@ -34,7 +34,7 @@ def small() -> dict[str, Any]:
     near = int(np.argmin(np.abs(np.array(bank["speeds_m_s"]) - 25.0)))
     for key in ("speeds_m_s", "Phi", "K", "H", "noise_power", "whiten"):
         bank[key] = bank[key][near - 1 : near + 2]
-    return document | {"window_s": 0.12, "recent_s": 0.05, "longest_s": 0.2}
+    return document | {"window_s": 0.25, "recent_s": 0.05, "longest_s": 0.3}
 
 
 SMALL = small()
@@ -115,7 +115,7 @@ def judge(document: Any, file: Path) -> None:
 def test_small_design_is_valid() -> None:
     document = SMALL | {"checksum": checksum(SMALL)}
     sim = SensorSimulator(replace(CONFIG, design=parse_design(document, "small")))
-    validities = [f["Validity"] for f in sim.run(400)]
+    validities = [f["Validity"] for f in sim.run(600)]
     after = validities[validities.index("Valid") :]
     assert len(after) >= 15
     assert after.count("Valid") == len(after)

@@ -3,7 +3,7 @@
 import struct
 from collections.abc import Iterator, Sequence
 
-from wrcd.bus.frame import ERROR, EXTENDED, ID_BITS, REMOTE, Frame
+from wrcd.bus.frame import ERROR, EXTENDED, ID_BITS, REMOTE, STANDARD_BITS, Frame
 
 RECORD = struct.Struct("=qIBBH8s")  # stamp, the kernel's word, length, flags, reserved, data
 
@@ -38,7 +38,7 @@ class FrameBatch:
 
 def frame_of(stamp_us: int, word: int, data: bytes) -> Frame:
     """The classical frame of the kernel's word and so many bytes."""
-    number = word & ID_BITS
+    number = word & (ID_BITS if word & (EXTENDED | ERROR) else STANDARD_BITS)
     if number == word:
         return Frame(stamp_us, number, data)
     if word & ERROR:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 EXTENDED = 0x8000_0000  # in a key, and in the kernel's word: the id is one of 29 bits
 REMOTE, ERROR = 0x4000_0000, 0x2000_0000  # in the kernel's word
-ID_BITS = 0x1FFF_FFFF
+ID_BITS, STANDARD_BITS = 0x1FFF_FFFF, 0x7FF
 
 
 def id_text(key: int) -> str:

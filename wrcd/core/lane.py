@@ -65,6 +65,12 @@ def fits(core: "Core") -> bool:
     )
 
 
+class _Tables(ctypes.Structure):
+    """wrcd_lane_tables."""
+
+    _fields_ = [("tables", ctypes.c_void_p * 11), ("max_made", ctypes.c_int64), ("max_slots", ctypes.c_int64)]
+
+
 class FastLane:
     """Of one core that it fits. limits_us: of a silence, and of steps of time forward and backward."""
 
@@ -103,10 +109,10 @@ class FastLane:
             self._message, self._signal, self._place, self._places, self._oks, self._crc_table, self._sent,
             self._fields, self._made, self._slots,
         )  # fmt: skip
-        addresses = [t.ctypes.data for t in tables] + [0 if core._front is None else self._front.ctypes.data]
-        self._tables = np.array([*addresses, len(self._made), len(self._slots)], dtype=np.int64)
-        own = (ctypes.c_void_p(t.ctypes.data) for t in (self._lane, self._tables))
-        self._arguments = (*own, *core.estimator.arguments)
+        front = None if core._front is None else self._front.ctypes.data
+        self._tables = _Tables((*(t.ctypes.data for t in tables), front), len(self._made), len(self._slots))
+        lane = ctypes.c_void_p(self._lane.ctypes.data)
+        self._arguments = lane, ctypes.byref(self._tables), *core.estimator.arguments
         self._taken = ctypes.c_int64(0)
         self._taken_at = ctypes.byref(self._taken)
         self._describe_words()

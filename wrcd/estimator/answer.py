@@ -151,7 +151,9 @@ class Answers:
             if d.interval is not None:
                 spread = spread * widening(d.interval, goes_on, np.full(n, draft.speed_m_s))
             past_s = chosen.ticks * d.tick_s
-            past_s = np.where(share < 1.0, np.maximum(past_s, np.minimum(memory.age_s, d.window_s + MEMORY_S)), past_s)
+            past_s = np.where(
+                share < 1.0, np.maximum(past_s, np.minimum(memory.age_s, d.window_ticks * d.tick_s + MEMORY_S)), past_s
+            )
             past_s = np.where(carried > from_rules, np.maximum(past_s, memory.peak_age_s), past_s)
             spread, doubt = self._doubted(spread, best, inference, chosen, draft.speed_m_s)
         fits = (best.inputs[:, :MODELS] - self._low) / self._width

@@ -37,6 +37,7 @@ COLUMNS = INPUTS + LAGS + CROSSES + 1 + CHANNELS + 2 + STEPS
 # partner's; speed and torque; and what the rules were given.
 PAIR_FEATURES = 3 * 13 + 2 * 24 + 2 + 3 * COLUMNS
 FORMS = ("wrcd", "paper")
+MIN_WINDOW_S = 0.25  # the torque of the moment, and that before a step, lie within it
 MAX_RULES = 254  # DominantRule cannot tell more apart
 MAX_WORLDS, MAX_SENTENCE = 40, 200  # sentences, characters of one: a screen of `wrcd check`; this project's own choice
 
@@ -317,7 +318,7 @@ def _arrays(r: _Reader, digest: str) -> Design:
         wheelset=wheelset,
         tick_s=r.number("bank.tick_s", 1e-4, 0.02),
         form=str(r.at("form")),
-        window_s=r.number("window_s", 0.05, 60.0),
+        window_s=r.number("window_s", MIN_WINDOW_S, 60.0),
         longest_s=r.number("longest_s", 0.05, 60.0),
         recent_s=r.number("recent_s", 0.005, 60.0),
         speeds_m_s=speeds,

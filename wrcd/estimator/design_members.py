@@ -22,6 +22,24 @@ Member = float | int | OverSpeed | np.ndarray | tuple[np.ndarray, ...] | Mapping
 IN_PLACE = ("noise_rms", "sets")  # short arrays that stand in the table; of others it has the address
 
 
+LIMITS = {
+    "states": 16, "rules": 254, "powers": 12, "lowpass_sections": 8, "highpass_sections": 8, "sets": 16,
+    "hidden_units": 128,
+}  # fmt: skip
+
+
+def beyond_limits(of: Mapping[str, Member]) -> str | None:
+    """What of a table is more than the C estimator takes; None: nothing."""
+    for name, most in LIMITS.items():
+        value = of.get(name, 0)
+        if isinstance(value, np.ndarray):
+            value = int(value.max())
+        if isinstance(value, int) and value > most:
+            return f"{value} {name.replace('_', ' ')}, at most {most}"
+    health = of.get("health")
+    return beyond_limits(health) if isinstance(health, Mapping) else None
+
+
 def members(d: Design) -> dict[str, Member]:
     """Every member of `wrcd_design`; `health` is a `wrcd_health_table`, or None."""
 

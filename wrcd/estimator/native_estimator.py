@@ -15,7 +15,7 @@ from wrcd.estimator.estimator import Estimator
 from wrcd.estimator.paper.bank import BoolArray
 from wrcd.estimator.paper.window import COLUMNS as SUMS
 from wrcd.estimator.records import Estimate, StepResult, Tick, Ticks
-from wrcd.estimator.signals.gate import Outliers
+from wrcd.estimator.signals.gate import Gate, Outliers
 from wrcd.estimator.trust.health import FEATURES, HealthFigures
 from wrcd.estimator.trust.pair import BANDS
 
@@ -127,7 +127,11 @@ class CompiledEstimator:
 
     def why_reset(self, result: StepResult, yaw_rate: FloatArray, axle: int) -> Outliers:
         """Of an axle that needs it, after the step (n yaw rates) that showed it and before its reset."""
-        return self.reference().why_reset(result, yaw_rate, axle)
+        gate = Gate(self.axles)
+        for name in ("_power", "_last", "_age"):
+            own, there = self._axle[f"gate{name}"], getattr(gate, name)
+            setattr(gate, name, np.moveaxis(own.reshape(self.axles, *there.shape[:-1]), 0, -1))
+        return gate.why_reset(result.innovations[:, :, axle], float(yaw_rate[axle]), axle)
 
     def step(self, tick: Tick) -> StepResult:
         """One tick; call reset() for the axles that need it before the next. The result holds until then."""

@@ -10,8 +10,9 @@ import numpy as np
 
 import wrcd.estimator
 from wrcd import __version__
+from wrcd.errors import InputError
 from wrcd.estimator.design import COLUMNS, FORMAT, INPUTS, MODELS, PAIR_FEATURES, PAIR_STATES, Design
-from wrcd.estimator.design_members import members
+from wrcd.estimator.design_members import beyond_limits, members
 from wrcd.estimator.estimator import Estimator, step_through
 from wrcd.estimator.records import Estimate
 from wrcd.kit.design_table import DesignTable
@@ -32,8 +33,11 @@ def name_of(design: Design) -> str:
 
 
 def files_of(design: Design, axles: int) -> dict[str, bytes]:
-    """Every file's bytes by its name. The same design gives the same bytes."""
+    """Every file's bytes by its name. The same design gives the same bytes. Raises InputError for one that is more than
+    the estimator in C takes."""
     of = members(design)
+    if beyond := beyond_limits(of):
+        raise InputError(f"the estimator in C takes it not: {beyond}", file=design.name, hint="make a smaller design")
     table = DesignTable(of)
     values = {
         "VERSION": __version__,

@@ -11,6 +11,7 @@ import pytest
 from tests.support.processes import ROOT
 from wrcd.core import configuration
 from wrcd.estimator import answer, design, estimator
+from wrcd.estimator.design_members import LIMITS
 from wrcd.estimator.paper import bank, fuzzy, rule_inputs, window
 from wrcd.estimator.records import EstimateDoubt
 from wrcd.estimator.signals import gate, joints, noise
@@ -114,6 +115,12 @@ def test_named_constants_of_c_are_those_of_python(file: str) -> None:
             differ[name] = ours, theirs
     assert differ == {}
     assert found
+
+
+def test_limits_of_a_design_are_those_of_the_header() -> None:
+    known = shared()
+    of_c = {"states": "STATES", "rules": "RULES", "powers": "POLYNOMIAL", "sets": "SETS", "hidden_units": "HIDDEN"}
+    assert {name: known[f"MAX_{of_c.get(name, 'SECTIONS')}"] for name in LIMITS} == LIMITS
 
 
 def test_every_source_is_looked_at() -> None:

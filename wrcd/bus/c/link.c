@@ -37,6 +37,12 @@ static void look_beside(struct msghdr *head, wrcd_frame *frame, wrcd_received *o
     }
 }
 
+/* A standard id has eleven bits: a virtual bus may carry more, and the kernel's filters do not see them. */
+static uint32_t word_of(canid_t id)
+{
+    return id & (CAN_EFF_FLAG | CAN_ERR_FLAG) ? id : id & (CAN_RTR_FLAG | CAN_SFF_MASK);
+}
+
 static bool is_odd(const wrcd_frame *frame, const uint32_t *own, int owns)
 {
     bool odd = frame->word & (CAN_RTR_FLAG | CAN_ERR_FLAG);
@@ -71,7 +77,7 @@ int wrcd_receive(int fd, wrcd_frame *out, int most, int64_t now_us, const uint32
             wrcd_frame *frame = &out[count];
             if (heads[i].msg_len != sizeof raw[i])
                 continue;
-            *frame = (wrcd_frame){.stamp_us = now_us, .word = raw[i].can_id, .flags = WRCD_UNSTAMPED};
+            *frame = (wrcd_frame){.stamp_us = now_us, .word = word_of(raw[i].can_id), .flags = WRCD_UNSTAMPED};
             frame->length = raw[i].can_dlc <= 8 ? raw[i].can_dlc : 8;
             memcpy(frame->data, raw[i].data, frame->length);
             look_beside(&heads[i].msg_hdr, frame, of);

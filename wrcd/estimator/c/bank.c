@@ -45,7 +45,7 @@ void wrcd_table_at(const wrcd_speed_table *table, double speed, double *row)
 }
 
 /* Per model the matrix of x' = A x + B z, e = z - H x, w = W e, by columns over [x; z]. */
-static void make_node(const wrcd_design *d, int number, double m[MODELS][WRCD_MAX_STATES + 2][WRCD_MAX_STATES + 4])
+static void make_node(const wrcd_design *d, double number, double m[MODELS][WRCD_MAX_STATES + 2][WRCD_MAX_STATES + 4])
 {
     enum { S = WRCD_MAX_STATES };
     double A[MODELS * S * S], B[MODELS * S * CHANNELS], H[MODELS * CHANNELS * S], whiten[MODELS * CHANNELS * CHANNELS];
@@ -87,8 +87,8 @@ void wrcd_bank_at(wrcd_estimator *e, const wrcd_design *d, double speed_m_s, ban
 
     if (node != e->node) {
         e->node = node;
-        make_node(d, (int)node, e->below);
-        make_node(d, (int)node + 1, e->rise);
+        make_node(d, node, e->below);
+        make_node(d, node + 1.0, e->rise);
         for (int k = 0; k < MODELS; k++)
             for (int c = 0; c < s + CHANNELS; c++)
                 for (int r = 0; r < s + 2 * CHANNELS; r++)

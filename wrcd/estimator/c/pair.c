@@ -297,7 +297,8 @@ void wrcd_health_look(wrcd_estimator *e, const wrcd_design *d, const double inpu
         e->axle[axle].pair_ticks = 0.0;
     }
     memset(e->pair_products, 0, sizeof e->pair_products);
-    const double wheelbase = nearbyint(d->wheelbase_m / d->tick_s / greater(fabs(e->speed_m_s), SLOWEST_M_S));
+    const double speed = isfinite(e->speed_m_s) ? greater(fabs(e->speed_m_s), SLOWEST_M_S) : SLOWEST_M_S;
+    const double wheelbase = nearbyint(d->wheelbase_m / d->tick_s / speed);
     e->pair_later = lesser(wheelbase, d->longest_wheelbase_ticks);
 }
 

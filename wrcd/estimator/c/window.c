@@ -14,7 +14,9 @@ static ptrdiff_t row_at(const wrcd_design *d, int axle, int row)
 
 static int end_row(const wrcd_estimator *e, const wrcd_design *d)
 {
-    return d->longest + (int)((int64_t)e->window_newest % d->longest);
+    const int64_t newest = (int64_t)e->window_newest; /* -1 before the first */
+
+    return d->longest + (int)((newest + d->longest) % d->longest);
 }
 
 static void next_generation(double *rows, int longest)
@@ -125,7 +127,7 @@ int wrcd_window_filled(const wrcd_estimator *e, const wrcd_design *d, int axle)
     const wrcd_axle *a = &e->axle[axle];
     const double whole = e->window_newest - greater(a->window_first, a->window_since) + 1.0;
 
-    return a->window_last == e->window_newest ? (int)lesser(whole, d->longest) : 0;
+    return a->window_last == e->window_newest ? (int)held(whole, 0.0, d->longest) : 0;
 }
 
 void wrcd_window_sums(const wrcd_estimator *e, const wrcd_design *d, int axle, int first, int end, bool past_change,

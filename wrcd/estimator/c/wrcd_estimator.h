@@ -174,7 +174,8 @@ typedef struct {
     (sizeof(wrcd_estimator) + sizeof(double) * ((size_t)(AXLES) * 2U * (size_t)(LONGEST) * WRCD_SUMS \
         + ((size_t)(AXLES) + 1U) / 2U * ((size_t)(LONGEST_WHEELBASE_TICKS) + 1U) * WRCD_BANDS * 4U))
 
-/* One tick: arrays [channel][axle], z of what is not present is anything; |torque| / (2 N r0), NaN where unknown. */
+/* One tick: arrays [channel][axle], z of what is not present is anything; |torque| / (2 N r0), NaN where unknown. Numbers
+ * lie in 0 ... 2^53 and grow; where one does not, reset every axle first. The speed is finite. */
 typedef struct {
     int64_t number;
     double speed_m_s;

@@ -169,6 +169,12 @@ class Window:
         self._last = np.full(axles, -2, dtype=np.int64)
         self._past = np.zeros((LAG, _W, axles))
 
+    @property
+    def is_possible(self) -> bool:
+        """Whether its blocks are such as this class counts: a state from a file may hold others."""
+        newest = max(self._since.max(), self._first.max(), self._last.max())
+        return bool(self._newest >= -1 and newest <= self._newest + 1 and np.isfinite(self._rows).all())
+
     def put(
         self, tick: int, w: FloatArray, raw: FloatArray, running: BoolArray, heard: BoolArray, live: BoolArray,
         calm: BoolArray, ratio: FloatArray,
@@ -275,4 +281,4 @@ class Window:
     def filled(self) -> IntArray:
         """(n,): how many of the newest blocks hold ticks without a gap."""
         whole = self._newest - np.maximum(self._first, self._since) + 1
-        return np.asarray(np.where(self._last == self._newest, np.minimum(whole, self._blocks), 0))
+        return np.asarray(np.where(self._last == self._newest, np.clip(whole, 0, self._blocks), 0))
