@@ -16,8 +16,15 @@ CHANNEL = "lo"  # rtnetlink tells of an interface that is up
 
 
 def pair() -> tuple[socket.socket, socket.socket]:
-    """Both ends; what is read from either carries the kernel's time stamp."""
-    return socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+    """Both ends; what is read from either carries the kernel's time stamp. Datagrams over loopback: a local socket pair
+    holds ten of them, fewer than come between two turns of the daemon."""
+    one, other = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
+    for end in (one, other):
+        end.bind(("127.0.0.1", 0))
+        end.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 20)
+    one.connect(other.getsockname())
+    other.connect(one.getsockname())
+    return one, other
 
 
 class PairLink(socketcan.SocketCanLink):

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from wrcd.core.core import Core
 
 _, FRAME, TICK, DUE, NOTE = range(5)  # why it stopped: enum wrcd_lane_stop
-FIRST_WAIT, LAST_WAIT = 16, 1024  # frames that Python takes before the lane is tried again
+FIRST_WAIT, LAST_WAIT = 8, 128  # frames that Python takes before the lane is tried again
 LONG = 64  # ticks in the lane that make the next wait the first again
 _UNCHECKED, _STUCK, _JUMP = range(3)
 
