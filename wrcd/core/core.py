@@ -145,10 +145,10 @@ class Core:
     @property
     def reports(self) -> list[Report]:
         """Of every axle at the newest slot."""
-        self._take_told()
+        self.take_told()
         return self._reports
 
-    def _take_told(self) -> None:
+    def take_told(self) -> None:
         """Take what slots have told in the lane."""
         if self._lane is not None and (told := self._lane.reports(newest_alone=self._slot_reports is None)):
             self._reports = list(told[-1].reports)
@@ -172,7 +172,7 @@ class Core:
 
     def take_reports(self) -> list[SlotReports]:
         """The reports of each slot since the last call; from the first call on they are kept."""
-        self._take_told()
+        self.take_told()
         reports, self._slot_reports = self._slot_reports or [], []
         return reports
 
@@ -204,6 +204,8 @@ class Core:
         """Take frames, as feed() does each: in C while nothing happens."""
         out: list[Outgoing] = []
         at, lane = 0, self._lane
+        if lane is not None and (self.explains or self.muted):
+            lane.tells_nothing()
         while at < len(batch):
             if lane is None or not lane.is_open():
                 out += self.feed(batch.frame(at))
@@ -219,7 +221,7 @@ class Core:
 
     def _after_tick_of(self, lane: FastLane, stop: int) -> list[Outgoing]:
         """What a tick that the lane has closed leaves to do: outliers and resets to note, frames that are due."""
-        self._take_told()
+        self.take_told()
         due, number = lane.due, lane.newest
         if stop == NOTE:
             lane.give_back()

@@ -67,7 +67,7 @@ class Front:
         watch, n = self._watch, len(self._lost)
         record["block"][:n] = watch._blocks.transpose(2, 0, 1)
         record["pause"][:n], record["jolt"][:n], record["steady"][:n] = watch._pause, watch._jolt, watch._steady
-        record["way_m"], record["newest"] = self._way_m, watch._block
+        record["way_m"], record["speed_m_s"], record["newest"] = self._way_m, self._speed_m_s, watch._block
         record["behind"][:n] = [sum(1 << other for other in behind) for behind in self._behind]
         self.lend_news(record)
 
@@ -84,10 +84,9 @@ class Front:
         watch.met_m[:] = record["met_m"][:n]
         self._way_m, self._speed_m_s = float(record["way_m"]), float(record["speed_m_s"])
 
-    @property
-    def goes_on(self) -> bool:
-        """Whether the speed is known, and forward."""
-        return self._known
+    def goes_on(self, reverse: bool) -> bool:
+        """Whether the speed is known, and the train runs the way it did."""
+        return self._known and self._reverse == reverse
 
     def reset(self, axle: int, lost: bool) -> None:
         """An axle starts anew; lost: since its sensors or its estimator broke."""

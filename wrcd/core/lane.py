@@ -46,9 +46,11 @@ if TYPE_CHECKING:
     from wrcd.core.core import Core
 
 _, FRAME, TICK, DUE, NOTE = range(5)  # why it stopped: enum wrcd_lane_stop
-FIRST_WAIT, LAST_WAIT = 8, 128  # frames that Python takes before the lane is tried again
+FIRST_WAIT, LAST_WAIT = 8, 128  # frames; the lane is tried again with the last: Python takes at least one
+MAX_RAW = (1 << 63) - 1  # of a number that is sent
 LONG = 64  # ticks in the lane that make the next wait the first again
 _UNCHECKED, _STUCK, _JUMP = range(3)
+_NONE_CAME = -1  # since the lane began, in the place of a run of equal values
 
 _MAX_SLOTS = 64  # that are made without coming back
 
@@ -190,13 +192,14 @@ class FastLane:
         self._left = self._wait
         core, inputs, validity = self._core, self._inputs, self._core._validity
         return not (
-            core._open is None or core._stamp_us == NEVER or core._begin_us == NEVER or True in core._is_reset
+            core._open is None or core._open < 0 or core._stamp_us == NEVER or core._begin_us == NEVER
+            or True in core._is_reset
             or any(core.events.tick_causes) or any(validity._newest) or any(validity._stale_ticks)
             or not {Cause.STANDSTILL, Cause.INPUT_SILENT}.isdisjoint(validity._begun)
             or inputs._speed_jumped or not inputs.all_trusted
             or any(core._backoff.waiting(axle, core._open) for axle in range(self._n))
             or any(check.run >= MIN_RUN for check in inputs._stuck_checks.values())
-            or (core._front is not None and not core._front.goes_on)
+            or (core._front is not None and not core._front.goes_on(inputs._reverse))
         )  # fmt: skip
 
     def take(self, batch: FrameBatch, first: int) -> tuple[int, int]:
@@ -206,21 +209,21 @@ class FastLane:
         self._taken.value = first
         stop = self._run(*self._arguments, batch.records, len(batch), self._taken_at)
         if stop in (FRAME, TICK):
-            self._wait = FIRST_WAIT if int(self._k["ticks"]) >= LONG else min(2 * self._wait, LAST_WAIT)
-            self._left = self._wait
             self.give_back()
+            long = self.total_ticks - self._lent_at >= LONG
+            self._left = self._wait = FIRST_WAIT if long else min(2 * self._wait, LAST_WAIT)
         return stop, self._taken.value
 
     def _lend(self) -> None:
         core, inputs, k, p, n = self._core, self._inputs, self._k, self._place, self._n
-        self.is_lent = True
+        self.is_lent, self._lent_at = True, self.total_ticks
         k["open"], k["begin_us"], k["end_us"], k["stamp_us"] = core._open, core._begin_us, core._end_us, core._stamp_us
-        k["accepted"] = k["ticks"] = k["ratio_known"] = k["out_frames"] = k["out_slots"] = 0
+        k["accepted"] = k["ticks"] = k["out_frames"] = k["out_slots"] = 0
+        k["ratio_known"], k["torque_ratio"][:n] = inputs._torque_ratio_known, inputs._torque_ratio
         k["sound_ticks"][:n], k["outlier_us"][:n] = core._validity._sound_ticks, core._outlier_us
         k["rejected_until_us"] = inputs.reach.rejected_until_us
         k["shares_known"], k["is_reverse"] = inputs._shares_known and inputs._shares_ok, inputs._reverse
         p["stamp_us"], p["value"] = inputs._stamp_us, inputs._value
-        p["reach"], p["reach_until_us"] = inputs.reach._register, inputs.reach._until_us
         p["traction_us"][TORQUE * n : (TORQUE + 1) * n] = inputs._traction_us
         buffer, measured = inputs._jitter_buffer, p[: (LAT + 1) * n]
         measured["used_us"], measured["surplus_ticks"] = buffer.used_us, buffer._surplus_ticks
@@ -233,7 +236,7 @@ class FastLane:
                 s["value"], s["run"], s["share"], s["frames"] = check.value, check.run, check._share, check._frames
                 s["changed_us"] = NEVER if check._changed_us is None else check._changed_us
             elif isinstance(check, JumpCheck):
-                s["value"], s["changed_us"] = check._value, check._stamp_us
+                s["value"], s["changed_us"], s["run"] = check._value, check._stamp_us, _NONE_CAME
         self._message["frames"] = 0
         for m, reader in zip(self._message, self._readers, strict=True):
             if (checker := reader.checker) is not None:
@@ -244,13 +247,18 @@ class FastLane:
 
     def was_told(self) -> None:
         """A slot has been told by Python."""
-        k, events = self._k, self._core.events
+        k, events, reach = self._k, self._core.events, self._inputs.reach
+        self._place["reach"], self._place["reach_until_us"] = reach._register, reach._until_us
         k["confidence"][: self._n] = [_LEVELS.index(level) for level in events.confidences]
         k["cause"][: self._n], k["standing"][: self._n] = events.causes, events.standing_causes
         quiet = events.all_estimated and not (self._core.explains or self._core.muted)
         k["quiet"] = self._quiet if quiet else 0
         if self._core._front is not None:
             self._core._front.lend_news(self._front[0])
+
+    def tells_nothing(self) -> None:
+        """Leave every slot to Python, until one has been told there."""
+        self._k["quiet"] = 0
 
     def made(self) -> list[Outgoing]:
         """The frames that were made since the last time."""
@@ -331,6 +339,7 @@ class FastLane:
         """Let Python go on from here."""
         if not self.is_lent:
             return
+        self._core.take_told()
         self.is_lent = False
         self.report()
         inputs, k, p, n = self._inputs, self._k, self._place, self._n
@@ -350,7 +359,7 @@ class FastLane:
                 check.value, check.run = float(s["value"]), int(s["run"])
                 check._share, check._frames = float(s["share"]), float(s["frames"])
                 check._changed_us = None if changed_us == NEVER else changed_us
-            elif isinstance(check, JumpCheck) and changed_us != check._stamp_us:
+            elif isinstance(check, JumpCheck) and s["run"] != _NONE_CAME:
                 check._value, check._stamp_us = float(s["value"]), changed_us
                 check._doubted, check.jumped = math.nan, False
         for m, reader in zip(self._message, self._readers, strict=True):
@@ -376,7 +385,10 @@ def _sent_by(outbox: Outbox, fusing: bool) -> tuple[Any, Any, int]:
     messages and no cycles where any is not plain. fusing: what lies ahead is looked at with each that explains."""
     groups = outbox.of_axles
     written = [(group, axle, w) for group, of in groups.items() for axle, w in enumerate(of) if w is not None]
-    if any(w.order is None or w.fd or w.length > 8 for _, _, w in written):
+    fields_of = [f for _, _, w in written for f in w.writers.values()]
+    if any(w.order is None or w.fd or w.length > 8 for _, _, w in written) or any(
+        max(map(abs, f.raws)) > MAX_RAW for f in fields_of
+    ):
         return np.zeros(0, dtype=SENT), np.zeros(0, dtype=FIELD), 0
     sent, fields = (
         np.zeros(len(written), dtype=SENT),

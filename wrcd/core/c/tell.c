@@ -50,9 +50,22 @@ static int cause_of(const wrcd_lane *k, int standing, const wrcd_adhesion *a)
     return !isfinite(a->mu_available_pct) ? k->too_little_data : a->contradicted > 0.0 ? k->contradiction : 0;
 }
 
-/* What is told of an axle; false where its state is another one than in the slot before. */
+/* How well an input is reached, in whole time-outs; reading it moves it on to the slot's end. */
+static int reached(wrcd_lane_place *p, int64_t end_us)
+{
+    if (end_us >= p->reach_until_us) {
+        const int64_t timeout_us = p->timeout_us > 0 ? p->timeout_us : 1, interval = end_us / timeout_us;
+        const int64_t passed = interval + 1 - p->reach_until_us / timeout_us;
+        p->reach = passed > REACH_BITS ? 0 : p->reach << passed & ((1 << (REACH_BITS + 1)) - 1);
+        p->reach_until_us = (interval + 1) * timeout_us;
+    }
+    return p->reach >> 1;
+}
+
+/* What is told of an axle, explained where such a frame is due; false where its state is another one than in the slot
+ * before. */
 static bool tell_of(const wrcd_lane *k, wrcd_lane_place *place, int axle, int64_t end_us, const wrcd_adhesion *a,
-                    double told[WRCD_TOLD_COUNT])
+                    bool explained, double told[WRCD_TOLD_COUNT])
 {
     const int cause = cause_of(k, k->standing[axle], a);
     const bool valid = cause == 0, known = isfinite(a->mu_available_pct);
@@ -80,13 +93,7 @@ static bool tell_of(const wrcd_lane *k, wrcd_lane_place *place, int axle, int64_
     told[WRCD_UNCHANGED] = 0.0;
     for (int q = 0; q < QUANTITIES_TOLD; q++) {
         told[WRCD_STALE_YAW_RATE + q] = told[WRCD_REFUSED_YAW_RATE + q] = 0.0;
-        wrcd_lane_place *p = &place[q * k->axles + axle];
-        if (end_us >= p->reach_until_us && p->timeout_us > 0) {
-            const int64_t interval = end_us / p->timeout_us, passed = interval + 1 - p->reach_until_us / p->timeout_us;
-            p->reach = passed > REACH_BITS ? 0 : p->reach << passed & ((1 << (REACH_BITS + 1)) - 1);
-            p->reach_until_us = (interval + 1) * p->timeout_us;
-        }
-        told[WRCD_REACH_YAW_RATE + q] = p->reach >> 1;
+        told[WRCD_REACH_YAW_RATE + q] = explained ? reached(&place[q * k->axles + axle], end_us) : 0.0;
     }
     return true;
 }
@@ -142,9 +149,12 @@ int wrcd_lane_tell(wrcd_lane *k, const wrcd_lane_tables *t, const wrcd_estimator
     for (int axle = 0; axle < k->axles; axle++)
         if (k->sound_ticks[axle] < k->window_ticks || k->of_pair[wrcd_pair_state(e, axle)] != k->standing[axle])
             return false;
+    bool explained = false;
+    for (int i = k->adhesions; i < k->sent; i++)
+        explained = explained || end_us % t->sent[i].cycle_us < k->period_us;
     wrcd_estimate(e, d, adhesion);
     for (int axle = 0; axle < k->axles; axle++)
-        if (!tell_of(k, t->place, axle, end_us, &adhesion[axle], told[axle]))
+        if (!tell_of(k, t->place, axle, end_us, &adhesion[axle], explained, told[axle]))
             return false;
     wrcd_lane_slot *slot = &t->slot[k->out_slots];
     slot->end_us = end_us;
