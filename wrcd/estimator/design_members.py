@@ -8,7 +8,7 @@ import numpy as np
 from wrcd.estimator.design import Design, FloatArray, closed_loop
 from wrcd.estimator.paper.fuzzy import Fuzzy
 from wrcd.estimator.paper.window import Lengths
-from wrcd.estimator.trust.pair import SLOWEST_M_S
+from wrcd.estimator.trust.pair import SLOWEST_M_S, band_filters
 
 
 class OverSpeed(NamedTuple):
@@ -87,6 +87,7 @@ def members(d: Design) -> dict[str, Member]:
         "changes": over(d.changes, d.change_speeds_m_s),
         "widening": None if interval is None else over(interval.factors.T, np.log(interval.speeds_m_s)),
         "health": _health(d),
+        "bands": band_filters(d.tick_s),
         "wheelbase_m": d.wheelbase_m,
         "longest_wheelbase_ticks": round(wheelbase / SLOWEST_M_S),
     }

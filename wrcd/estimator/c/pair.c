@@ -3,32 +3,17 @@
 #include "parts.h"
 
 enum { BANDS = WRCD_BANDS, OUTPUTS = WRCD_PAIR_OUTPUTS, STATES = WRCD_PAIR_STATES, ROWS = WRCD_PAIR_ROWS, PLACES = 4 };
-static const double BANDS_HZ[BANDS][2] = {{0.0, 1.5}, {3.0, 10.0}, {10.0, 25.0}};
-static const double OFFSET_S = 2.0, SLOWEST_M_S = 3.0, MAX_NOISE_RATIO = 1e6, PI = 3.14159265358979323846;
-
-/* A first-order Butterworth filter of a band (bilinear): b0 b1 b2 1 a1 a2. */
-static void band_filter(double low_hz, double high_hz, double tick_s, double f[6])
-{
-    const double low = tan(PI * low_hz * tick_s), high = tan(PI * high_hz * tick_s);
-
-    if (low_hz == 0.0) {
-        const double b = high / (1.0 + high);
-        memcpy(f, (double[6]){b, b, 0.0, 1.0, (high - 1.0) / (high + 1.0), 0.0}, 6 * sizeof *f);
-    } else {
-        const double width = high - low, square = low * high, whole = 1.0 + width + square, b = width / whole;
-        memcpy(f, (double[6]){b, 0.0, -b, 1.0, 2.0 * (square - 1.0) / whole, (1.0 - width + square) / whole}, 6 * sizeof *f);
-    }
-}
+static const double OFFSET_S = 2.0, SLOWEST_M_S = 3.0, MAX_NOISE_RATIO = 1e6;
 
 /* One tick of an axle's channel: white noise of power one leaves power one in each output. x: the states before, kept
  * where `used`. */
-static void filter(const double bands[BANDS][6], double in, double x[WRCD_PAIR_FILTER][CHANNELS], int c, bool used,
+static void filter(const wrcd_design *d, double in, double x[WRCD_PAIR_FILTER][CHANNELS], int c, bool used,
                    double out[OUTPUTS])
 {
     double *y4 = &out[BANDS];
 
     for (int k = 0; k < BANDS; k++) {
-        const double *f = bands[k];
+        const double *f = d->bands + 6 * k;
         const double first = x[k][c], second = x[BANDS + k][c], y = f[0] * in + first;
         if (used) {
             x[k][c] = f[1] * in - f[4] * y + second;
@@ -56,10 +41,8 @@ static double *ring_of(wrcd_estimator *e, const wrcd_design *d, int bogie, int a
 void wrcd_pair_step(wrcd_estimator *e, const wrcd_design *d, int axle, const double z[CHANNELS], bool used)
 {
     wrcd_axle *a = &e->axle[axle];
-    double bands[BANDS][6], *now = ring_of(e, d, axle / 2, (int)e->pair_at);
+    double *now = ring_of(e, d, axle / 2, (int)e->pair_at);
 
-    for (int k = 0; k < BANDS; k++)
-        band_filter(BANDS_HZ[k][0], BANDS_HZ[k][1], d->tick_s, bands[k]);
     if (used)
         a->pair_offset_ticks = lesser(a->pair_offset_ticks + 1.0, OFFSET_S / d->tick_s);
     for (int c = 0; c < CHANNELS; c++) {
@@ -67,7 +50,7 @@ void wrcd_pair_step(wrcd_estimator *e, const wrcd_design *d, int axle, const dou
         if (used)
             a->pair_mean[c] += (x - a->pair_mean[c]) / greater(a->pair_offset_ticks, 1.0);
         x -= a->pair_mean[c];
-        filter(bands, x, a->pair_filter, c, used, y);
+        filter(d, x, a->pair_filter, c, used, y);
         for (int k = 0; k < BANDS; k++)
             now[k * PLACES + 2 * c + axle % 2] = used ? y[k] : 0.0;
         if (used) {

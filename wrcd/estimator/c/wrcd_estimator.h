@@ -95,6 +95,7 @@ typedef struct {
     wrcd_speed_table changes;            /* [MODELS] decades */
     wrcd_speed_table widening;           /* [REGIMES] over log(speed); 0 speeds: none */
     const wrcd_health_table *health;     /* NULL: no pair is judged */
+    const double *bands;                 /* [BANDS] sections that a pair is compared in */
     double wheelbase_m;
     int longest_wheelbase_ticks;
 } wrcd_design;

@@ -33,13 +33,12 @@ class Filters:
         # rows: outputs, then what the states become; columns: the input, then the states
         M = np.zeros((self.OUTPUTS + 2 * BANDS + delays, 1 + 2 * BANDS + delays))
         to = self.OUTPUTS - 1  # from a state's column to its row
-        for k, (low, high) in enumerate(BANDS_HZ):
-            b, a = _low_pass(high, tick_s) if low == 0.0 else _band_pass(low, high, tick_s)
+        for k, (b0, b1, b2, _, a1, a2) in enumerate(band_filters(tick_s)):
             # transposed direct form II: y = b0 x + s1; s1' = b1 x - a1 y + s2; s2' = b2 x - a2 y
-            M[k, [0, first[k]]] = b[0], 1.0
-            M[to + first[k], [0, first[k], second[k]]] = b[1] - a[1] * b[0], -a[1], 1.0
-            M[to + second[k], [0, first[k]]] = b[2] - a[2] * b[0], -a[2]
-            M[k] /= math.sqrt(b[0])  # of white noise's power such a filter leaves b0
+            M[k, [0, first[k]]] = b0, 1.0
+            M[to + first[k], [0, first[k], second[k]]] = b1 - a1 * b0, -a1, 1.0
+            M[to + second[k], [0, first[k]]] = b2 - a2 * b0, -a2
+            M[k] /= math.sqrt(b0)  # of white noise's power such a filter leaves b0
         difference = np.array(FOURTH_DIFFERENCE)
         M[BANDS, [0, *delayed]] = difference / np.linalg.norm(difference)
         M[to + delayed, [0, *delayed[:-1]]] = 1.0
@@ -64,16 +63,20 @@ class Filters:
         return y
 
 
-def _low_pass(corner_hz: float, tick_s: float) -> tuple[FloatArray, FloatArray]:
-    w = math.tan(math.pi * corner_hz * tick_s)
-    return np.array([w, w, 0.0]) / (1.0 + w), np.array([1.0, (w - 1.0) / (w + 1.0), 0.0])
-
-
-def _band_pass(low_hz: float, high_hz: float, tick_s: float) -> tuple[FloatArray, FloatArray]:
-    low, high = (math.tan(math.pi * f * tick_s) for f in (low_hz, high_hz))
-    width, square = high - low, low * high
-    whole = 1.0 + width + square
-    return np.array([width, 0.0, -width]) / whole, np.array([whole, 2.0 * (square - 1.0), 1.0 - width + square]) / whole
+def band_filters(tick_s: float) -> FloatArray:
+    """(BANDS, 6): b0 b1 b2 1 a1 a2 of each."""
+    out = []
+    for low_hz, high_hz in BANDS_HZ:
+        low, high = (math.tan(math.pi * f * tick_s) for f in (low_hz, high_hz))
+        if low_hz == 0.0:
+            b = high / (1.0 + high)
+            out.append((b, b, 0.0, 1.0, (high - 1.0) / (high + 1.0), 0.0))
+        else:
+            width, square = high - low, low * high
+            whole = 1.0 + width + square
+            b = width / whole
+            out.append((b, 0.0, -b, 1.0, 2.0 * (square - 1.0) / whole, (1.0 - width + square) / whole))
+    return np.array(out)
 
 
 @dataclass(frozen=True, slots=True)
