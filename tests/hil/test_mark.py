@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from sim_ecu.loop.control.braking_rate import RATES
 from tests.support.can_ids import ADVICE
 from tests.support.loop_processes import CONTROLLER, DAEMON, LoopProcesses, Told
 from tests.support.processes import wait_for
@@ -83,7 +84,9 @@ def test_train_stands_at_the_mark(bench: MarkBench, curve: str) -> None:
     bench.begin(curve)
     past = bench.past_m()
     assert abs(past) <= NEAR_M
-    assert _planned(bench.drives) != 0.35, "no advice was heard"
+    planned = _planned(bench.drives)
+    assert planned != RATES.cautious, "no advice was heard"
+    assert RATES.least <= planned <= RATES.dry
     assert bench.has(LEVER)
 
 
@@ -92,7 +95,7 @@ def test_without_daemon_and_controller_the_cautious_rate_is_planned_with(bench: 
     bench.drives.wait_for("coasts", seconds=20)
     bench.daemon.kill()
     bench.drives.wait_for("brakes for the mark", seconds=30)
-    assert _planned(bench.drives) == 0.35
+    assert _planned(bench.drives) == RATES.cautious
     bench.controller.kill()
     bench.told.wait_for("demand silent", seconds=20)
     assert abs(bench.past_m()) <= NEAR_M
