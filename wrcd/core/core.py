@@ -105,9 +105,8 @@ class Core:
         self._outlier_us = [NEVER] * n
         self._backoff = Backoff(n, config.design.tick_s)
         self._reports: list[Report] = []  # of the newest slot
-        self._slot_reports: list[SlotReports] | None = (
-            None  # slot by slot, since it was taken last; None: nobody takes it
-        )
+        # slot by slot, since they were taken last; None: nobody takes them
+        self._slot_reports: list[SlotReports] | None = None
         self.events = Events(config)
         positions_m = config.positions_m  # of a train without fusion None
         self._front = None if positions_m is None else Front(positions_m, config.design.tick_s)
