@@ -64,7 +64,7 @@ def _parts(before: Path | None) -> "dict[str, Callable[[], Iterator[Row]]]":
         "bank": bank.rows,
         "frames": frames.rows,
         "core": lambda: core.rows(before),
-        "start": start.rows,
+        "start": lambda: start.rows(before),
         "replay": lambda: replay.rows(before),
         "rig": rig.rows,
         "offline": lambda: offline.rows(before),

@@ -14,13 +14,13 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.bench.core import ROOT, environment
+from tests.bench.core import BEFORE, OURS, ROOT, environment
 from tests.bench.frames import packed
-from tests.bench.on_pair import END, resident_kb
+from tests.bench.on_pair import END, pair, resident_kb
 from tests.bench.timing import Figure, Goal, Row, Times, show
 from tests.bench.workload import frames
 
-STARTS = 7
+STARTS, RUNS = 7, 3
 WARM_UP_S, TRAFFIC_S = 3.0, 5.0  # the window fills and the estimator settles first
 WAIT_S = 20.0
 FORBIDDEN = ("scipy", "matplotlib", "skfuzzy", "filterpy", "numba", "sim_ecu")
@@ -40,15 +40,20 @@ class Started:
     share: float = 0.0
 
 
-def start(arguments: Sequence[str], end: socket.socket | None = None, traffic: socket.socket | None = None) -> Started:
-    """Start a daemon, wait for READY, feed it where there is something to feed, and stop it."""
+def start(
+    arguments: Sequence[str],
+    tree: Path = ROOT,
+    end: socket.socket | None = None,
+    traffic: socket.socket | None = None,
+) -> Started:
+    """Start a tree's daemon, wait for READY, feed it where there is something to feed, and stop it."""
     with tempfile.TemporaryDirectory() as folder, socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as notify:
         address = f"{folder}/notify"
         notify.bind(address)
         notify.settimeout(WAIT_S)
         begin = time.perf_counter()
         process = subprocess.Popen(
-            [sys.executable, *arguments], env=environment(ROOT) | {"NOTIFY_SOCKET": address}, cwd=ROOT, text=True,
+            [sys.executable, *arguments], env=environment(tree) | {"NOTIFY_SOCKET": address}, cwd=tree, text=True,
             stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, stdin=subprocess.DEVNULL,
             preexec_fn=None if end is None else lambda: os.dup2(end.fileno(), END, inheritable=True),
             pass_fds=() if end is None else (END,),
@@ -108,36 +113,46 @@ def _feed(traffic: socket.socket, pid: int) -> float:
         reader.join()
 
 
-def over_pair(traffic: bool) -> Started:
-    """The daemon as on SocketCAN."""
-    inside, outside = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+def over_pair(traffic: bool, tree: Path = ROOT) -> Started:
+    """A tree's daemon as on SocketCAN."""
+    inside, outside = pair()
     with inside, outside:
-        return start(("-m", "tests.bench.on_pair"), inside, outside if traffic else None)
+        return start(("-m", "tests.bench.on_pair"), tree, inside, outside if traffic else None)
 
 
-def rows() -> Iterator[Row]:
-    """Start by SocketCAN's path and on python-can's virtual bus in turn, then one daemon under traffic."""
-    show("start to READY")
-    own, virtual = [], []
+def rows(before: Path | None) -> Iterator[Row]:
+    """Start by SocketCAN's path and on python-can's virtual bus in turn, then one daemon under traffic; beside an
+    older tree's, in turn."""
+    trees = {OURS: ROOT} | ({} if before is None else {BEFORE: before})
+    of_before = "" if before is None else f", and that of {before}"
+    show(f"start to READY{of_before}")
+    starts: dict[str, list[Started]] = {OURS: [], "virtual": [], BEFORE: []}
     for _ in range(STARTS):
-        own.append(over_pair(traffic=False))
-        virtual.append(start(VIRTUAL).ready_s)
+        for who, tree in trees.items():
+            starts[who].append(over_pair(traffic=False, tree=tree))
+        starts["virtual"].append(start(VIRTUAL))
     row = Row("start to READY", "SocketCAN's path, and python-can's virtual bus", unit="s")
-    row.times = {"ours": Times(tuple(s.ready_s for s in own)), "virtual": Times(tuple(virtual))}
-    row.figures.append(Figure("start to READY", row.times["ours"].minimum, Goal("≤", 0.4), unit="s"))
-    row.figures.append(Figure("of it processor time", min(s.cpu_s for s in own), unit="s"))
-    row.note = (
-        "one end of a socket pair in the place of the raw CAN socket; the goal is for an idle machine: the minimum"
-    )
+    row.times = {who: Times(tuple(s.ready_s for s in every)) for who, every in starts.items() if every}
+    row.compare(OURS, BEFORE, Goal("≤", 1))
+    row.figures.append(Figure("start to READY", row.times[OURS].minimum, Goal("≤", 0.4), unit="s"))
+    row.figures.append(Figure("of it processor time", min(s.cpu_s for s in starts[OURS]), unit="s"))
+    row.note = "a socket over loopback in the place of the raw CAN socket; the goal is for an idle machine: the minimum"
     yield row
-    show(f"the daemon under {TRAFFIC_S:g} s of traffic")
-    running = over_pair(traffic=True)
+    show(f"the daemon under {TRAFFIC_S:g} s of traffic{of_before}")
+    runs = [{who: over_pair(traffic=True, tree=tree) for who, tree in trees.items()} for _ in range(RUNS)]
+    running = runs[0][OURS]
     found = [m for m in FORBIDDEN if m in running.modules]
-    row = Row("the running daemon", "four axles, real time")
-    row.figures = [
+    row = Row("the running daemon", "four axles, real time", unit="% of a core")
+    row.times = {who: Times(tuple(100 * run[who].share for run in runs)) for who in trees}
+    row.compare(OURS, BEFORE, Goal("≤", 0.25))
+    row.figures += [
+        Figure("share of a core, its system calls included", row.times[OURS].median, unit="%"),
         Figure("most resident memory (VmHWM)", running.most_kb / 1024, Goal("≤", 50), unit="MB"),
         Figure("resident memory (VmRSS)", running.resident_kb / 1024, unit="MB"),
-        Figure("share of a core, its system calls included", 100 * running.share, unit="%"),
+    ]
+    if before is not None:
+        row.figures.append(Figure("resident memory before (VmRSS)", runs[0][BEFORE].resident_kb / 1024, unit="MB"))
+    row.figures += [
         Figure("modules imported", len(running.modules)),
         Figure(f"of {', '.join(FORBIDDEN)}", len(found), Goal("≤", 0)),
     ]
