@@ -36,6 +36,15 @@ class FrameBatch:
         return frame_of(stamp_us, word, data[:length])
 
 
+def joined(first: FrameBatch | list[Frame], second: FrameBatch | list[Frame]) -> FrameBatch | list[Frame]:
+    """One behind the other."""
+    if not first:
+        return second
+    if isinstance(first, FrameBatch) and isinstance(second, FrameBatch):
+        return FrameBatch(first.records + second.records)
+    return [*first, *second]
+
+
 def frame_of(stamp_us: int, word: int, data: bytes) -> Frame:
     """The classical frame of the kernel's word and so many bytes."""
     number = word & (ID_BITS if word & (EXTENDED | ERROR) else STANDARD_BITS)

@@ -10,7 +10,7 @@ import socket
 import struct
 from collections.abc import Sequence
 
-from wrcd.bus.batch import RECORD, FrameBatch, frame_of, word_of
+from wrcd.bus.batch import RECORD, FrameBatch, frame_of, joined, word_of
 from wrcd.bus.frame import ERROR, REMOTE, Frame
 from wrcd.bus.link import MAX_FRAMES, Link, LinkHealth
 from wrcd.bus.rawcan import (
@@ -76,7 +76,7 @@ class SocketCanLink(Link):
         self._sending = True  # whether the newest slot is
         self._unconfirmed = 0  # frames of it that have not left yet
         self._confirms = False  # whether this interface tells when a frame has left
-        self._early: list[Frame] = []  # received while looking for that
+        self._early: FrameBatch | list[Frame] = []  # received while looking for that
         self._records = ctypes.create_string_buffer(MAX_FRAMES * RECORD.size)  # of a look
         if not hasattr(socket, "AF_CAN"):
             from wrcd.bus.opening_hints import no_socketcan
@@ -143,7 +143,7 @@ class SocketCanLink(Link):
         if self._socket is not None and (mask := self._controller.mask(now_us)) is not None:
             self._set(CAN_RAW_ERR_FILTER, mask, now_us)
         self._tell()
-        return [*early, *frames] if early else frames
+        return joined(early, frames)
 
     def _follow(self, now_us: int) -> bool:
         """Take in what the kernel says of the interface. Returns whether it says that there is one."""
@@ -354,7 +354,7 @@ class SocketCanLink(Link):
         if stamp_us != self._slot_us:
             self._slot_us = stamp_us
             if self._unconfirmed:
-                self._early += self._read(stamp_us, MAX_FRAMES - len(self._early))
+                self._early = joined(self._early, self._read(stamp_us, MAX_FRAMES - len(self._early)))
             held = self._controller.bus_off or (self._confirms and self._unconfirmed > 0)
             self._sending = not held or not 0 <= stamp_us - self._opened_us < UNCONFIRMED_US
             if self._sending:

@@ -96,6 +96,18 @@ def test_link_takes_more_than_one_call_brings(ends: Pair) -> None:
     assert list(ends.link.receive_batch(NOW)) == []
 
 
+def test_frames_that_come_before_a_slot_has_left_are_handed_over_with_the_others(ends: Pair) -> None:
+    link = ends.link
+    assert link.send(Frame(NOW, ADHESION_A1, b"\x07"))
+    ends.send(KINDS[:2])
+    assert link.send(Frame(NOW + 20_000, ADHESION_A1, b"\x07"))  # it looks whether the first has left
+    ends.send(KINDS[2:4])
+    got = link.receive_batch(NOW)
+    assert type(got) is ends.kind
+    assert [(f.can_id, f.data) for f in got] == [(f.can_id, f.data) for f in KINDS[:4]]
+    assert len(link.receive_batch(NOW)) == 0
+
+
 def test_link_sends_a_slot_and_counts_what_the_queue_does_not_take(ends: Pair) -> None:
     slot = [Frame(NOW, ADHESION_A1 + k % 4, bytes([k % 256, k // 256])) for k in range(1_000)]
     went = ends.link.send_all(slot)
