@@ -89,4 +89,4 @@ def engine() -> str:
 def slow() -> str | None:
     """One line where the compiled estimator does not run, and why; None where it does."""
     c, why = _found()
-    return None if c is not None else f"no compiled estimator ({why}): the reference in numpy runs, some times slower"
+    return None if c is not None else f"no compiled estimator ({why}): the reference in numpy runs, many times slower"

@@ -200,7 +200,7 @@ def test_reference_runs_where_it_is_asked_for_or_nothing_was_built(package: Path
     asked = told(package, WRCD_ENGINE="reference").splitlines()
     assert asked == [
         "reference (numpy)",
-        "no compiled estimator (WRCD_ENGINE asks for the reference): the reference in numpy runs, some times slower",
+        "no compiled estimator (WRCD_ENGINE asks for the reference): the reference in numpy runs, many times slower",
     ]
     for built in (package / "wrcd").glob("_native*.so"):
         built.write_bytes(b"")
