@@ -1,5 +1,6 @@
-"""Logs of scenarios, made once per test run; and where tests may not be skipped."""
+"""Logs of scenarios, made once per test run; the estimators; and where tests may not be skipped."""
 
+import ctypes
 import hashlib
 import os
 import pickle
@@ -89,6 +90,15 @@ def log_of(tmp_path_factory: pytest.TempPathFactory) -> LogOf:
         return made
 
     return make
+
+
+@pytest.fixture
+def library() -> ctypes.CDLL:
+    """The compiled library; without one the test is skipped."""
+    c = native.library()
+    if c is None:
+        pytest.skip(str(native.slow()))
+    return c
 
 
 @pytest.fixture(params=[Estimator.engine, CompiledEstimator.engine])

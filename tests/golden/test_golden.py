@@ -51,12 +51,11 @@ def sent(log: Path, design: str, out: Path) -> list[Frame]:
     return [replace(f, data=bytes([0, f.data[1] & 0x3F, *f.data[2:]])) if f.can_id == 0x0B0 else f for f in frames]
 
 
+@pytest.mark.usefixtures("library")
 @pytest.mark.parametrize("design", ["lone-wheelset", "multiple-unit"])
 def test_engines_send_the_same_bytes(
     design: str, log_of: LogOf, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    if native.library() is None:
-        pytest.skip(str(native.slow()))
     log = FOLDER / "leaf-film.log" if design == "lone-wheelset" else log_of(FOUR_AXLES)
     compiled = sent(log, design, tmp_path / "compiled.log")
     assert "the reference in numpy runs" not in capsys.readouterr().err

@@ -59,14 +59,16 @@ def _run(args: argparse.Namespace) -> int:
     from wrcd.logs.replay import ReplayInputs, replay, replays
     from wrcd.logs.replay_outputs import Outputs
 
-    if (slow := native.slow()) is not None:
-        print(f"wrcd: {slow}", file=sys.stderr)
     selection = Selection(args.begin, args.end, args.relative, tuple(args.axle), args.channel)
     outputs = Outputs(args.output, args.csv, args.events, args.mf4, args.mcap)
     inputs = ReplayInputs(args.config, None if args.design is None else design_path(args.design))
     if len(args.logs) == 1:
-        return replay(args.logs[0], inputs, outputs, explained=args.explain, selection=selection)
-    return replays(args.logs, inputs, outputs, explained=args.explain, jobs=args.jobs, selection=selection)
+        status = replay(args.logs[0], inputs, outputs, explained=args.explain, selection=selection)
+    else:
+        status = replays(args.logs, inputs, outputs, explained=args.explain, jobs=args.jobs, selection=selection)
+    if (slow := native.slow()) is not None:
+        print(f"wrcd: {slow}", file=sys.stderr)
+    return status
 
 
 COMMAND = Subcommand(

@@ -22,6 +22,7 @@ from wrcd.core.messages import Outgoing
 from wrcd.estimator.native_estimator import CompiledEstimator
 from wrcd.recorder.state import capture, encode
 
+pytestmark = pytest.mark.usefixtures("library")
 MOST_AT_ONCE = 300
 
 

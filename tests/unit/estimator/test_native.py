@@ -40,14 +40,6 @@ WHOLE = ("rule", "winner", "saturated", "contradicted", "doubt", "regime")
 designs_once = cache(designs)
 
 
-@pytest.fixture
-def library() -> ctypes.CDLL:
-    c = native.library()
-    if c is None:
-        pytest.skip(str(native.slow()))
-    return c
-
-
 class Pair:
     """Both engines over the same ticks; raises AssertionError where they differ."""
 
