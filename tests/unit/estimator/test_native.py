@@ -17,7 +17,6 @@ import pytest
 
 from tests.support.fuzzed_ticks import MAX_AXLES, Step, Train, designs
 from tests.support.processes import ROOT
-from wrcd import native
 from wrcd.estimator.design import Design, FloatArray
 from wrcd.estimator.engine import Engine
 from wrcd.estimator.estimator import Estimator
