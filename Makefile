@@ -10,7 +10,7 @@
 # make soak   HOURS (24) on the virtual clock in one core: nothing grows, drifts or is lost; an eighth of that
 # make coverage  which branches of wrcd/bus, wrcd/core, wrcd/recorder and wrcd/service the tests take, those in the guest too; fails below 95 %
 # make deb    a Debian package with its libraries inside: build/deb
-# make bench  what everything costs beside its peers, against an older checkout too (BEFORE=DIR); 6 minutes, asserts nothing
+# make bench  what everything costs beside its peers, against an older checkout too (BEFORE=DIR); 10 minutes, asserts nothing
 # make mutants   whether the tests notice changed code in validity and E2E; an hour, see tests/mutants.md
 PYTHON ?= python3
 VENV := .venv
