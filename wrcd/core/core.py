@@ -117,7 +117,9 @@ class Core:
         self._lane = self._make_lane()
 
     def _make_lane(self) -> FastLane | None:
-        return FastLane(self, (SILENCE_US, FORWARD_STEP_US, BACKWARD_STEP_US)) if fits(self) else None
+        if self._observer is not None or not fits(self):  # an observer is shown each tick
+            return None
+        return FastLane(self, (SILENCE_US, FORWARD_STEP_US, BACKWARD_STEP_US))
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Core":
         self.settle()

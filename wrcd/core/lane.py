@@ -6,18 +6,23 @@ that anything speaks against, a tick that is not sound.
 
 import ctypes
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from wrcd.bus.batch import FrameBatch
+from wrcd.bus.codec import Receiver
 from wrcd.bus.e2e import CRC_TABLE, Checker
 from wrcd.bus.frame import EXTENDED
 from wrcd.bus.readers import MessageReader
 from wrcd.bus.writers import SignalWriter
 from wrcd.core.causes import Cause, Validity
+from wrcd.core.configuration import Config
+from wrcd.core.counts import Counts
+from wrcd.core.events import Events
+from wrcd.core.front import Front
 from wrcd.core.input_buffers import NEVER
-from wrcd.core.inputs import LAT, QUANTITIES, SPEED, TORQUE, TRACTION_HELD_US, TickInputs
+from wrcd.core.inputs import LAT, QUANTITIES, SPEED, TORQUE, TRACTION_HELD_US, Inputs, TickInputs
 from wrcd.core.lane_records import (
     FIELD,
     FRAME_RECORD,
@@ -35,15 +40,13 @@ from wrcd.core.lane_records import (
 from wrcd.core.messages import ROOM, Outbox, Outgoing, Report, nan_to_none
 from wrcd.core.plausibility import MIN_RUN, JumpCheck, StuckCheck
 from wrcd.core.slot import SlotReports
-from wrcd.core.validity import LOAD_SHARES, OF_ESTIMATE, OF_PAIR, RADIUS_SHARES
+from wrcd.core.validity import LOAD_SHARES, OF_ESTIMATE, OF_PAIR, RADIUS_SHARES, Backoff, ValidityMonitor
 from wrcd.core.vocabulary import CONFIDENCES, SURFACES, words_of
 from wrcd.estimator.design import FloatArray
+from wrcd.estimator.engine import Engine
 from wrcd.estimator.native_estimator import CompiledEstimator
 from wrcd.estimator.records import EstimateDoubt, StepResult
 from wrcd.estimator.trust.health import PairState
-
-if TYPE_CHECKING:
-    from wrcd.core.core import Core
 
 _, FRAME, TICK, DUE, NOTE = range(5)  # why it stopped: enum wrcd_lane_stop
 FIRST_WAIT, LAST_WAIT = 8, 128  # frames; the lane is tried again with the last: Python takes at least one
@@ -55,12 +58,39 @@ _NONE_CAME = -1  # since the lane began, in the place of a run of equal values
 _MAX_SLOTS = 64  # that are made without coming back
 
 
-def fits(core: "Core") -> bool:
-    """Whether a core can have a lane: a compiled estimator, nobody who watches each tick, a torque of one signal."""
+class Lender(Protocol):
+    """What of a core is borrowed, and given back."""
+
+    config: Config
+    counts: Counts
+    estimator: Engine
+    receiver: Receiver
+    events: Events
+    explains: bool
+    muted: bool
+    _open: int | None
+    _begin_us: int
+    _end_us: int
+    _period_us: int
+    _stamp_us: int
+    _tick: TickInputs
+    _inputs: Inputs
+    _validity: ValidityMonitor
+    _is_reset: list[bool]
+    _outlier_us: list[int]
+    _backoff: Backoff
+    _outbox: Outbox
+    _front: Front | None
+
+    def take_told(self) -> None:
+        """Take what slots have told in the lane."""
+
+
+def fits(core: Lender) -> bool:
+    """Whether a core can have a lane: a compiled estimator, torques of one signal, few cycles."""
     inputs = core._inputs
     return (
         isinstance(core.estimator, CompiledEstimator)
-        and core._observer is None
         and all(len(parts) == 1 for parts in inputs._parts)
         and min((t for _, t in inputs._deadlines), default=0) > 0
         and len(core._outbox.cycles_us) <= MAX_CYCLES
@@ -76,7 +106,7 @@ class _Tables(ctypes.Structure):
 class FastLane:
     """Of one core that it fits. limits_us: of a silence, and of steps of time forward and backward."""
 
-    def __init__(self, core: "Core", limits_us: tuple[int, int, int]) -> None:
+    def __init__(self, core: Lender, limits_us: tuple[int, int, int]) -> None:
         assert isinstance(core.estimator, CompiledEstimator)
         self._core, self._inputs, self._n = core, core._inputs, len(core.config.axles)
         self._estimator = core.estimator

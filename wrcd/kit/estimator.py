@@ -37,7 +37,9 @@ def files_of(design: Design, axles: int) -> dict[str, bytes]:
     the estimator in C takes."""
     of = members(design)
     if beyond := beyond_limits(of):
-        raise InputError(f"the estimator in C takes it not: {beyond}", file=design.name, hint="make a smaller design")
+        raise InputError(
+            f"is too large for the estimator in C: {beyond}", file=design.name, hint="make a smaller design"
+        )
     table = DesignTable(of)
     values = {
         "VERSION": __version__,

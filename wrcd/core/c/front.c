@@ -9,7 +9,7 @@
 #include "lane.h"
 
 enum { CHANNELS = WRCD_FRONT_CHANNELS, REFERENCE = 50, LENGTH = WRCD_FRONT_BLOCKS, WET = 1, LOOKS = 5 };
-enum { COUNT = CHANNELS, TORQUE, TORQUE_COUNT, COLUMNS = WRCD_FRONT_COLUMNS };
+enum { COUNT = CHANNELS, RATIO, RATIO_COUNT, COLUMNS = WRCD_FRONT_COLUMNS };
 static const int CHANNEL[CHANNELS] = {1, 3, 5, 6, 7}, NEWEST[LOOKS] = {1, 2, 4, 8, 12};
 static const double WEIGHTS[CHANNELS] = {0.3, -1.0, 0.3, 0.3, 1.0}, MOST = 1.5;
 static const double LIMITS[LOOKS] = {1.1, 0.75, 0.55, 0.5, 0.46};
@@ -42,9 +42,9 @@ static double clipped(double x) { return x < -MOST ? -MOST : x > MOST ? MOST : x
 
 static double ratio_of(const double *sums, const double *before)
 {
-    const double torque = sums[TORQUE] - (before ? before[TORQUE] : 0.0);
+    const double torque = sums[RATIO] - (before ? before[RATIO] : 0.0);
 
-    return torque / (sums[TORQUE_COUNT] - (before ? before[TORQUE_COUNT] : 0.0));
+    return torque / (sums[RATIO_COUNT] - (before ? before[RATIO_COUNT] : 0.0));
 }
 
 /* Whether an axle's torque has fallen while that of the axles behind it that have any has not. */
@@ -76,7 +76,7 @@ static void look(wrcd_front *f, int axle, sums_of sums, int fallen, double block
         for (int c = 0; c < CHANNELS; c++)
             risen[i] += WEIGHTS[c] * clipped(decades[c]);
         for (; blocks < NEWEST[i] + STEADY_BLOCKS; blocks++) {
-            const double *block = f->block[axle][LENGTH - 1 - blocks], torque = block[TORQUE] / block[TORQUE_COUNT];
+            const double *block = f->block[axle][LENGTH - 1 - blocks], torque = block[RATIO] / block[RATIO_COUNT];
             highest = blocks == 0 || torque > highest || isnan(torque) ? torque : highest;
             lowest = blocks == 0 || torque < lowest || isnan(torque) ? torque : lowest;
             if (isnan(torque) || isnan(highest))
@@ -124,8 +124,8 @@ void wrcd_front_step(wrcd_front *f, int axles, int64_t number, const wrcd_result
             newest[COUNT] += 1.0;
         }
         if (isfinite(torque_ratio[axle])) {
-            newest[TORQUE] += torque_ratio[axle];
-            newest[TORQUE_COUNT] += 1.0;
+            newest[RATIO] += torque_ratio[axle];
+            newest[RATIO_COUNT] += 1.0;
         }
     }
     f->newest = block;

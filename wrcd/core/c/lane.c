@@ -8,8 +8,7 @@
 
 #define CAN_REMOTE 0x40000000U
 #define CAN_ERROR 0x20000000U
-enum { YAW, LAT, TORQUE, SPEED, BRAKE, LOAD, DIRECTION, RADIUS };
-enum { COUNTER_MODULO = 15, MAX_LOST = 2, REACH_BITS = 8 };
+enum { MAX_LOST = 2, REACH_BITS = 8 };
 static const double FIRST_SHARE = 0.05, FADING_FRAMES = 10000.0, MAX_FRAMES = 1000.0, BACKWARDS_M_S = 0.5;
 static const double JUMP_US = 100000.0;
 
@@ -115,15 +114,15 @@ static void learn(wrcd_lane_signal *s, double value, double speed, double min_sp
     s->changed_us = stamp_us;
 }
 
-/* A good frame came: a bit for each time-out that is over. */
-static void reach(wrcd_lane_place *p, int64_t stamp_us)
+int wrcd_lane_reach(wrcd_lane_place *p, int64_t us)
 {
-    if (stamp_us >= p->reach_until_us) {
-        const int64_t interval = stamp_us / p->timeout_us, passed = interval + 1 - p->reach_until_us / p->timeout_us;
+    if (us >= p->reach_until_us) {
+        const int64_t timeout_us = p->timeout_us > 0 ? p->timeout_us : 1, interval = us / timeout_us;
+        const int64_t passed = interval + 1 - p->reach_until_us / timeout_us;
         p->reach = passed > REACH_BITS ? 0 : p->reach << passed & ((1 << (REACH_BITS + 1)) - 1);
-        p->reach_until_us = (interval + 1) * p->timeout_us;
+        p->reach_until_us = (interval + 1) * timeout_us;
     }
-    p->reach |= 1;
+    return p->reach >> 1;
 }
 
 static void accept(wrcd_lane *k, const wrcd_lane_tables *t, const wrcd_lane_signal *s, double value, int64_t stamp_us)
@@ -131,7 +130,8 @@ static void accept(wrcd_lane *k, const wrcd_lane_tables *t, const wrcd_lane_sign
     for (int i = 0; i < s->places; i++) {
         wrcd_lane_place *p = &t->place[t->places[s->first_place + i]];
         p->stamp_us = stamp_us;
-        reach(p, stamp_us);
+        (void)wrcd_lane_reach(p, stamp_us);
+        p->reach |= 1;
         if (s->quantity > LAT) {
             p->value = value;
         } else {

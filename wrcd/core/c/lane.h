@@ -9,8 +9,9 @@
 #include "wrcd_estimator.h"
 #include "wrcd_frame.h"
 
+enum { YAW, LAT, TORQUE, SPEED, BRAKE, LOAD, DIRECTION, RADIUS, WRCD_QUANTITIES };
 enum {
-    WRCD_QUANTITIES = 8, /* yaw rate, lateral acceleration, torque, speed, brake torque, load, direction, radius */
+    COUNTER_MODULO = 15, /* of E2E */
     WRCD_MAX_CYCLES = 8,
     WRCD_MIN_RUN = 4 /* equal values of a sensor that must move: from here on Python judges */
 };
@@ -130,6 +131,8 @@ typedef struct {
     int64_t max_made, max_slots;
 } wrcd_lane_tables;
 
+/* How well an input is reached: a bit for each whole time-out. It is moved on to a time first. */
+int wrcd_lane_reach(wrcd_lane_place *place, int64_t us);
 void wrcd_front_step(wrcd_front *front, int axles, int64_t number, const wrcd_result *result,
                      const double *torque_ratio, double tick_s);
 /* Take frames until something happens; `taken` of them were. */

@@ -6,7 +6,7 @@
 
 #include "lane.h"
 
-enum { TORQUE = 2, BRAKE = 4, COUNTER_MODULO = 15, VALID = 1, DEGRADED, REACH_BITS = 8, QUANTITIES_TOLD = 4 };
+enum { VALID = 1, DEGRADED, QUANTITIES_TOLD = 4 };
 enum { ADHERING = 1, SATURATED, CONSISTENT = 1, FULL, CONTRADICTS };
 
 /* Age of the oldest of gyro, acceleration, torques and speed, in ms. */
@@ -50,18 +50,6 @@ static int cause_of(const wrcd_lane *k, int standing, const wrcd_adhesion *a)
     return !isfinite(a->mu_available_pct) ? k->too_little_data : a->contradicted > 0.0 ? k->contradiction : 0;
 }
 
-/* How well an input is reached, in whole time-outs; reading it moves it on to the slot's end. */
-static int reached(wrcd_lane_place *p, int64_t end_us)
-{
-    if (end_us >= p->reach_until_us) {
-        const int64_t timeout_us = p->timeout_us > 0 ? p->timeout_us : 1, interval = end_us / timeout_us;
-        const int64_t passed = interval + 1 - p->reach_until_us / timeout_us;
-        p->reach = passed > REACH_BITS ? 0 : p->reach << passed & ((1 << (REACH_BITS + 1)) - 1);
-        p->reach_until_us = (interval + 1) * timeout_us;
-    }
-    return p->reach >> 1;
-}
-
 /* What is told of an axle, explained where such a frame is due; false where its state is another one than in the slot
  * before. */
 static bool tell_of(const wrcd_lane *k, wrcd_lane_place *place, int axle, int64_t end_us, const wrcd_adhesion *a,
@@ -93,7 +81,7 @@ static bool tell_of(const wrcd_lane *k, wrcd_lane_place *place, int axle, int64_
     told[WRCD_UNCHANGED] = 0.0;
     for (int q = 0; q < QUANTITIES_TOLD; q++) {
         told[WRCD_STALE_YAW_RATE + q] = told[WRCD_REFUSED_YAW_RATE + q] = 0.0;
-        told[WRCD_REACH_YAW_RATE + q] = explained ? reached(&place[q * k->axles + axle], end_us) : 0.0;
+        told[WRCD_REACH_YAW_RATE + q] = explained ? wrcd_lane_reach(&place[q * k->axles + axle], end_us) : 0.0;
     }
     return true;
 }
