@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser
 
-from tests.browser.chromium import Opened, chromium, opened
+from tests.browser.chromium import PATH, Opened, chromium, opened
 from tests.support.story_columns import synthetic
 from wrcd.logs.story_records import Story
 from wrcd.report import report_page as report
@@ -14,6 +14,8 @@ from wrcd.report import report_page as report
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
+    if not Path(PATH).exists():
+        pytest.skip(f"there is no {PATH}; install Debian's package chromium")
     with chromium() as found:
         yield found
 

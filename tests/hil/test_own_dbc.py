@@ -144,7 +144,6 @@ def test_eight_bit_adhesion_is_sent_at_its_own_cycle(recorded: Recorded, axle: i
     sound = calm(imu, IMU_TIMEOUT_US)
     judged = [str(v["State"]) == "Good" for f, v in zip(frames, values, strict=True) if within(f.stamp_us, sound)]
     print(f"axle {axle}: {kept}; {len(good)} of {len(values)} Good, {sum(judged)} of {len(judged)} undisturbed ones")
-    assert kept.kept, kept.unexcused
     assert len(kept.missing) <= overruns(recorded)
     assert mostly(judged, 0.8, imu[0], imu[-1], recorded.machine)
     assert all(5 < float(v["Friction"]) < 60 for v in good)

@@ -27,11 +27,9 @@ from tests.support.can_ids import (
 from tests.support.lone_wheelset import LONE, PLAYED
 from tests.support.metronome import (
     SLOT_US,
-    USUAL_US,
     WINDOW_US,
     Cycle,
     Machine,
-    all_kept,
     calm,
     cycle,
     metronome,
@@ -48,6 +46,7 @@ from wrcd.logs.damage import Damage
 from wrcd.logs.reader import read_log
 
 YAW_RATE_TIMEOUT_US = 15_000  # as the DBC says
+AXLES = 4  # of the packaged configuration
 # a train's sensors do not wait for the daemon's processor: in the guest they share the only one
 PRIORITY = 10
 CANPLAYER = ("chrt", "-f", str(PRIORITY), "canplayer")
@@ -76,6 +75,23 @@ class Recorded:
         yaw = self.of(YAW_RATE_A1)
         slots = [slot_of(f) for f in self.of(ADHESION_A1)[:-1]]  # without the one of the stop
         return cycle(slots, yaw[0].stamp_us, yaw[-1].stamp_us, self.machine)
+
+    def counted_cycle(self) -> Cycle:
+        """The cycle, printed. Every slot that is missing must be one that the daemon says it left out: an overrun for
+        each of its axles. How many a machine leaves out that has other work is no matter of the daemon's."""
+        kept = self.cycle
+        print(kept)
+        assert AXLES * len(kept.missing) <= overruns_since(
+            self.frames, self.daemon_says, self.of(YAW_RATE_A1)[0].stamp_us
+        )
+        return kept
+
+
+def overruns_since(frames: list[Frame], daemon_says: str, begin_us: int) -> int:
+    """How many frames the daemon says it left out from a time on. What the bus tells wraps at 256."""
+    told = re.search(r"(\d+) overruns", daemon_says)
+    assert told is not None
+    return int(told[1]) - overruns_at(frames, begin_us)
 
 
 def sizes(path: Path) -> int:
@@ -154,10 +170,7 @@ def four_axles(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
 
 
 def test_adhesion_is_sent_at_50_hz(one_axle: Recorded) -> None:
-    kept = one_axle.cycle
-    print(kept)
-    assert kept.wanted > 7 * 50
-    assert kept.kept, kept.unexcused
+    assert one_axle.counted_cycle().wanted > 7 * 50
 
 
 def test_rig_keeps_time_and_sends_every_frame(one_axle: Recorded) -> None:
@@ -205,9 +218,7 @@ def test_live_frames_equal_those_of_a_replay(which: str, request: pytest.Fixture
     """The adhesion frames that the daemon sent are, byte for byte, those that a replay of candump's log computes."""
     axles = 1 if which == "one_axle" else 4
     recorded: Recorded = request.getfixturevalue(which)
-    kept = recorded.cycle
-    print(kept)
-    assert kept.kept, kept.unexcused
+    kept = recorded.counted_cycle()
     assert_enough(compared(recorded, axles, tmp_path), 100, axles, kept)
 
 
@@ -256,9 +267,7 @@ def test_silence_of_the_sensors_is_no_time_step(tmp_path: Path) -> None:
     recorded = record(tmp_path / "bus", play)
     assert "the clock stepped" not in recorded.daemon_says
     assert ", 0 steps of time" in recorded.daemon_says
-    kept = recorded.cycle
-    print(kept)
-    assert kept.kept, kept.unexcused
+    kept = recorded.counted_cycle()
     assert_enough(compared(recorded, 1, tmp_path), 250, 1, kept)  # 275 from 2.5 s on
     yaw = [f.stamp_us for f in recorded.of(YAW_RATE_A1)]
     gap_us, back_us = max((b - a, b) for a, b in pairwise(yaw))
@@ -287,7 +296,8 @@ def test_sigusr1_dump_replays_to_what_was_sent(tmp_path: Path) -> None:
         subprocess.run([*CANPLAYER, "-I", log, "vcan0=can0"], timeout=60, check=True)
         daemon.send_signal(signal.SIGUSR1)
         wait_for("the dump", 30, lambda: bool(list(tmp_path.glob("dumps/wrcd-vcan0-*-asked.log"))))
-        print(stopped(daemon))
+        said = stopped(daemon)
+    print(said)
     (dump,) = tmp_path.glob("dumps/wrcd-vcan0-*-asked.log")
     assert len(list(tmp_path.glob("dumps/wrcd-vcan0-*-exit.log"))) == 1
     out = tmp_path / "out.log"
@@ -299,10 +309,8 @@ def test_sigusr1_dump_replays_to_what_was_sent(tmp_path: Path) -> None:
     judged = {key: data for key, data in sent.items() if key in computed}
     different = {key: (data.hex(), computed[key].hex()) for key, data in judged.items() if computed[key] != data}
     assert different == {}
-    recorded = Recorded(bus, frames, "", "", machine)
-    kept = recorded.cycle
-    print(kept)
-    assert kept.kept, kept.unexcused
+    recorded = Recorded(bus, frames, said, "", machine)
+    kept = recorded.counted_cycle()
     assert_enough(len(judged), 200, 4, kept)
     yaw, sound = [f.stamp_us for f in recorded.of(YAW_RATE_A1)], recorded.calm(1)
     valid = [
@@ -339,8 +347,8 @@ def test_four_axles_estimate_their_own_rails(four_axles: Recorded, tmp_path: Pat
 
 
 def test_six_axles_are_sent_at_fifty_hertz_and_nothing_is_lost(tmp_path: Path) -> None:
-    """Every sensor's frame is accepted, every slot that the processor was there for has six frames, and the daemon
-    counts those that it skipped, and no other loss."""
+    """Every sensor's frame is accepted, every slot has six frames but for those that the daemon counts as left out, and
+    there is no other loss."""
     allow_large_buffers()
     scenario, log, seen = tmp_path / "six.toml", tmp_path / "six.log", tmp_path / "candump.log"
     scenario.write_text(SIX_AXLES.replace("[1.0, 1.0]", "[1.0, 0.5]"))  # of the peak's creep: not too still to be Valid
@@ -353,10 +361,7 @@ def test_six_axles_are_sent_at_fifty_hertz_and_nothing_is_lost(tmp_path: Path) -
     sent = [f for f, _ in read_log(seen, Damage())]
     counted = losses(sent, begin_us)
     print(said, counted)
-    told = re.search(r"(\d+) overruns", said)
-    assert told is not None
-    # since the play began; what the bus tells wraps at 256
-    overruns = int(told[1]) - overruns_at(sent, begin_us)
+    overruns = overruns_since(sent, said, begin_us)
     assert counted.pop("Overruns") <= overruns
     assert not any(counted.values()), counted
     assert f"{played} frames accepted, rejected: none;" in said
@@ -373,11 +378,6 @@ def test_six_axles_are_sent_at_fifty_hertz_and_nothing_is_lost(tmp_path: Path) -
         judged = [f.data[1] >> 4 == 1 for f in mine if within(f.stamp_us, sound)]
         print(f"axle {axle}: {cycles[-1]}; {sum(judged)} of {len(judged)} Valid")
         assert mostly(judged, 0.6, yaw[0], yaw[-1], machine)
-    # six axles and their 3 050 frames a second nearly fill the guest's processor: a stall costs them more slots than it
-    # is long, and where the host is a third slower up to 0.20 are missing all the time
-    print(f"a little work takes {machine.work_us:.0f} us")
-    allowed = 0.05 if machine.work_us <= USUAL_US else 0.35
-    assert all_kept(cycles, allowed), [c.unexcused for c in cycles]
     assert sum(len(c.missing) for c in cycles) <= overruns
 
 

@@ -28,7 +28,7 @@ class Told:
     def text(self) -> str:
         return self.file.read_text(errors="replace")
 
-    def wait_for(self, line: str, after: int = 0, seconds: float = 10) -> int:
+    def wait_for(self, line: str, after: int = 0, seconds: float = 60) -> int:
         """Wait for a line with this text behind a place; return the place behind it."""
         try:
             wait_for(f"{line!r} of {self.file.stem}", seconds, lambda: line in self.text[after:])

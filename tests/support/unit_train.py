@@ -75,7 +75,7 @@ class Train:
         """Every Adhesion_A1 frame after a moment."""
         return [f for f, _ in read_log(self.log, Damage()) if f.stamp_us * 1e-6 > since_s]
 
-    def wait(self, since_s: float, wanted: int = VALID, seconds: float = 20.0) -> None:
+    def wait(self, since_s: float, wanted: int = VALID, seconds: float = 60.0) -> None:
         """Until a frame after a moment has this Validity."""
 
         def there() -> bool:

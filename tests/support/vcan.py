@@ -54,9 +54,11 @@ def slot_of(f: Frame) -> int:
 
 
 def overruns_at(frames: Iterable[Frame], until_us: int) -> int:
-    """Return the overruns that the last WrcdStatus before a time tells of."""
-    *_, last = (f for f in frames if f.can_id == WRCD_STATUS and f.stamp_us < until_us)
-    values = databases()[0].decode_message(WRCD_STATUS, last.data)
+    """Return the overruns that the last WrcdStatus before a time tells of; 0 where there is none yet."""
+    told = [f for f in frames if f.can_id == WRCD_STATUS and f.stamp_us < until_us]
+    if not told:
+        return 0
+    values = databases()[0].decode_message(WRCD_STATUS, told[-1].data)
     assert isinstance(values, dict)
     return int(str(values["Overruns"]))
 

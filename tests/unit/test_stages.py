@@ -21,13 +21,13 @@ case " $FAILING " in *" $target "*) exit 3 ;; esac
 """
 
 
-def run(folder: Path, failing: str, *command: str) -> "subprocess.CompletedProcess[str]":
-    """A command with the stub as make."""
+def run(folder: Path, failing: str, *command: str, **more: str) -> "subprocess.CompletedProcess[str]":
+    """A command with the stub as make, and more in its environment."""
     stub = folder / "make"
     stub.write_text(STUB)
     stub.chmod(0o755)
     env = {k: v for k, v in os.environ.items() if k not in ("MAKEFLAGS", "MAKEOVERRIDES", "MAKELEVEL", "MFLAGS")}
-    env |= {"FAILING": failing, "PATH": f"{folder}:{env['PATH']}"}
+    env |= {"FAILING": failing, "PATH": f"{folder}:{env['PATH']}", **more}
     return subprocess.run(command, cwd=ROOT, env=env, timeout=120, check=False, capture_output=True, text=True)
 
 
@@ -42,7 +42,20 @@ def test_each_stage_is_listed_with_what_became_of_it(failing: str, status: int, 
     assert (done.returncode, done.stderr) == (status, "")
 
 
-@pytest.mark.parametrize("failing", ["", "lint", "test", "lint night"])
+@pytest.mark.parametrize(("no_skips", "status"), [("", 0), ("1", 2)])
+def test_stage_that_lacks_a_program_is_left_out_and_listed(no_skips: str, status: int, tmp_path: Path) -> None:
+    programs = {p.name: p for d in reversed(os.get_exec_path()) for p in Path(d).glob("*")}
+    for name, program in programs.items():
+        if name not in ("perl", "make"):
+            (tmp_path / name).symlink_to(program)
+    done = run(tmp_path, "", "tests/all-stages", PATH=str(tmp_path), NO_SKIPS=no_skips)
+    assert "ran faults" not in done.stdout
+    left = done.stdout.partition("left out, for want of what this machine lacks:\n")[2]
+    assert "  faults: perl is missing; install Debian's package perl-base\n" in left
+    assert (done.returncode, done.stderr) == (status, "")
+
+
+@pytest.mark.parametrize("failing", ["", "lint", "test", "lint test"])
 def test_check_runs_all_and_says_at_its_end_what_failed(failing: str, tmp_path: Path) -> None:
     # the stamp of the environment is taken as it is: nothing is installed
     real = shutil.which("make")
@@ -50,7 +63,7 @@ def test_check_runs_all_and_says_at_its_end_what_failed(failing: str, tmp_path: 
     make = (real, "--no-print-directory", "-o", ".venv/ready", f"MAKE={tmp_path / 'make'}", "check")
     done = run(tmp_path, failing, *make)
     lines = done.stdout.splitlines()
-    assert lines == ["ran lint", "ran test", "ran night", *(f"make {stage} FAILED" for stage in failing.split())]
+    assert lines == ["ran lint", "ran test", *(f"make {stage} FAILED" for stage in failing.split())]
     assert done.returncode == (2 if failing else 0)
 
 
