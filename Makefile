@@ -4,6 +4,7 @@
 # make lint   format, lint, types: seconds
 # make night  the slowest tests, minutes of processor time, which make test and make check leave out
 # make check  make lint and make test; both, whatever fails
+# make corpus  507 logs from seeds through wrcd replay: whether frames, events and rows are as recorded; minutes. Before every landing
 # make docs   prints what the pages quote from the program again, and builds their site into build/site; make docs-all score, loop, fronts and fault matrix too, an hour
 # make vcan -- COMMAND  COMMAND where there is a vcan0: on this kernel, or in a throw-away one; without COMMAND a shell
 # make fuzz   property tests with EXAMPLES (10^5) examples each, and a million corrupted frames; hours
@@ -31,7 +32,7 @@ vcan:
 Makefile: ;
 else
 
-.PHONY: loop mark fronts demo pictures test lint check night unit browser hil faults systemd walk fuzz soak coverage bench mutants format design score docs docs-all docs-check lock audit clean deb
+.PHONY: loop mark fronts demo pictures test lint check night corpus unit browser hil faults systemd walk fuzz soak coverage bench mutants format design score docs docs-all docs-check lock audit clean deb
 
 demo: $(READY)
 	$(BIN)/sim-ecu demo
@@ -88,6 +89,11 @@ night: export OPENBLAS_NUM_THREADS = 1
 night: export OMP_NUM_THREADS = 1
 night: $(READY)
 	$(BIN)/python -m pytest -n auto --dist=worksteal --durations=5 -m night
+
+# CORPUS="own reverse" these alone; CORPUS="--write FILE" what this commit gives, for CORPUS="--with FILE" of a later one
+corpus: export OPENBLAS_NUM_THREADS = 1
+corpus: $(READY)
+	$(BIN)/python -m tests.corpus $(CORPUS)
 
 check: $(READY)
 	@failed=0; for stage in lint test; do $(MAKE) $$stage || { failed=2; bad="$$bad $$stage"; }; done; \
