@@ -115,7 +115,7 @@ def test_hanging_process_is_killed() -> None:
     child = Child([sys.executable, "-c", "import time; time.sleep(60)"], most_s=0.1)
     begin = time.monotonic()
     while (said := child.finished()) is None:
-        assert time.monotonic() - begin < 10
+        assert time.monotonic() - begin < 60
         time.sleep(0.01)
     assert said == "it took too long"
     with pytest.raises(ProcessLookupError):
