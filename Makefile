@@ -4,7 +4,7 @@
 # make lint   format, lint, types: seconds
 # make night  the slowest tests, minutes of processor time, which make test and make check leave out
 # make check  make lint and make test; both, whatever fails
-# make corpus  507 logs from seeds through wrcd replay: whether frames, events and rows are as recorded; minutes. Before every landing
+# make corpus  515 logs from seeds through wrcd replay: whether frames, events and rows are as recorded; minutes. Before every landing
 # make docs   prints what the pages quote from the program again, and builds their site into build/site; make docs-all score, loop, fronts and fault matrix too, an hour
 # make vcan -- COMMAND  COMMAND where there is a vcan0: on this kernel, or in a throw-away one; without COMMAND a shell
 # make fuzz   property tests with EXAMPLES (10^5) examples each, and a million corrupted frames; hours

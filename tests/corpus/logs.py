@@ -16,8 +16,8 @@ from sim_ecu.play.mapped import MappedTrain, Train
 from sim_ecu.play.player import LARGE_CHUNK, Player
 from sim_ecu.play.scenario import read_scenario
 from sim_ecu.play.train import PACKAGED
-from tests.corpus.recipes import Recipe
-from tests.support.can_ids import WRCD_STATUS
+from tests.corpus.recipes import SIGNED, Recipe
+from tests.support.can_ids import VEHICLE_SPEED, WRCD_STATUS
 from wrcd.bus.candump import format_line, parse_line
 from wrcd.bus.e2e import protect
 from wrcd.bus.frame import Frame
@@ -28,6 +28,8 @@ from wrcd.core.configuration import Config
 
 ROOT = Path(__file__).parents[2]
 START_US = 1_700_000_000_000_000
+PACKAGED_DBC = ROOT / "dbc/wrcd.dbc"
+SIGNED_SPEED = ("SG_ Speed : 16|16@1+ (0.0025,0) [0|163.8375]", "SG_ Speed : 16|16@1- (0.0025,0) [-81|81]")
 WAY_ID, REVERSE = 0x214, 1 << 6  # of tests/data/dbc/odd.dbc
 ENGINE = 0x3F  # what is kept of WrcdStatus' second byte: which engine runs is no estimate
 
@@ -73,6 +75,7 @@ def write(recipe: Recipe, folder: Path) -> tuple[Path, Path]:
     path = ROOT / recipe.config if own else folder / "train.toml"
     if not own:
         path.write_text(recipe.config)
+        (folder / SIGNED).write_text(PACKAGED_DBC.read_text().replace(*SIGNED_SPEED))
     config = load_config(path)
     scenario = read_scenario(parse_toml(recipe.scenario, recipe.name), recipe.name)
     train: Train = MappedTrain(config, scenario.wheelset) if own else PACKAGED
@@ -102,10 +105,14 @@ def misheard(path: Path, old: str, new: str, folder: Path) -> Path:
 
 
 def reversed_from(frames: Iterator[Frame], since_us: int) -> Iterator[Frame]:
-    """The direction says reverse from a time on."""
+    """The direction says reverse from a time on; where none is mapped, the speed is below zero."""
     for f in frames:
         if f.can_id == WAY_ID and f.stamp_us >= since_us:
             yield replace(f, data=bytes([*f.data[:2], f.data[2] & 0x3F | REVERSE, *f.data[3:]]))
+        elif f.can_id == VEHICLE_SPEED and f.stamp_us >= since_us:
+            raw = int.from_bytes(f.data[2:4], "little")
+            data = f.data[:2] + (-raw).to_bytes(2, "little", signed=True)
+            yield replace(f, data=protect(data, f.can_id, f.data[1] & 0x0F))
         else:
             yield f
 

@@ -15,11 +15,12 @@ from wrcd.config.config import packaged
 from wrcd.resources import DEFAULT_DESIGN, LONE
 
 DESIGNS = (DEFAULT_DESIGN, LONE)
+ODD, FLOATS = "tests/data/dbc/odd.toml", "tests/data/dbc/floats.toml"
+SIGNED = "signed.dbc"  # the packaged DBC, with a speed that may be below zero
 OWN = {  # configurations with a DBC of their own, and their axles
-    "examples/own-dbc/train.toml": (1,), "tests/data/dbc/third-party.toml": (1, 2), "tests/data/dbc/odd.toml": (1, 2),
-    "tests/data/dbc/floats.toml": (1,),
+    "examples/own-dbc/train.toml": (1,), "tests/data/dbc/third-party.toml": (1, 2), ODD: (1, 2),
+    FLOATS: (1,),
 }  # fmt: skip
-ODD = "tests/data/dbc/odd.toml"
 LIMITS = (
     "min_speed_m_s = 12.0", "min_speed_m_s = 0.1", "not_available_after_ms = 60", "not_available_after_ms = 4000",
     "constant_speed_m_s = 20.0",
@@ -116,6 +117,14 @@ def _situations() -> Iterator[Recipe]:
     for seed in range(8):
         chance = np.random.default_rng([seed, 9])
         ride = _ride(chance, DEFAULT_DESIGN, 2, 8.0)
+        design, (slow, faster) = DESIGNS[seed % 2], chance.uniform(0.4, 0.7, 2)
+        turn = (
+            f'vehicle = "{design}"\nduration_s = 16.0\nseed = {seed + 1}\naxles = [1, 2]\ntrack = "poor"\n'
+            f"speed_m_s = [[0, 2], [4, 0], [5, {slow:.2f}], [10, {faster:.2f}], [16, 9]]\n"
+            'rail = [{ curve = "B" }]\ndrive = { utilisation = [[0, 0], [1, 0.4]] }\n'
+        )
+        config = configuration(2, design, f'[dbc]\nfile = "{SIGNED}"\n[limits]\nmin_speed_m_s = 0.1\n')
+        yield Recipe(f"reverse by speed {seed}", config, turn, None if seed < 4 else seed, 4.0)
         yield Recipe(f"reverse {seed}", ODD, ride, None if seed < 4 else seed, float(chance.uniform(0.0, 6.0)))
 
 
