@@ -56,14 +56,20 @@ def main() -> int:
     args = parser.parse_args()
     wanted = [r for r in recipes() if not args.words or any(w in r.name for w in args.words)]
     assert len({r.name for r in wanted}) == len(wanted)
+    if not wanted:
+        parser.error(f"no recipe's name has {' or '.join(args.words)}")
     found = made(wanted)
     if args.write is not None:
         rows = (f"{json.dumps(name)}: {json.dumps(found[name])}" for name in sorted(found))
         args.write.write_text("{\n" + ",\n".join(rows) + "\n}\n")
         print(f"{args.write}: {len(found)} logs")
         return 0
-    lines = differences(json.loads(args.recorded.read_text()), found)
-    print(*lines, f"{len(found) - len(lines)} of {len(found)} logs give what was recorded", sep="\n")
+    recorded = json.loads(args.recorded.read_text())
+    lines = differences(recorded, found)
+    if not args.words:
+        lines += [f"{name}: is recorded, and no longer made" for name in recorded.keys() - found.keys()]
+    same = sum(recorded.get(name) == now for name, now in found.items())
+    print(*lines, f"{same} of {len(found)} logs give what was recorded", sep="\n")
     return int(bool(lines))
 
 

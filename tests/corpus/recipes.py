@@ -70,7 +70,8 @@ def recipes() -> Iterator[Recipe]:
 
 
 def _matrix() -> Iterator[Recipe]:
-    """Every row of the fault matrix, on an axle and beside its twin, and how the axle goes on after it."""
+    """Every row of the fault matrix, on an axle and beside its twin, and how the axle goes on after it. In a log the
+    three faults of the interface are one, a silence."""
     for design in DESIGNS:
         for number, row in enumerate((*ROWS, *LONG_ROWS)):
             f = row.fault

@@ -185,15 +185,14 @@ def test_receiver_falls_back_for_each_fault_and_comes_back(heard: Heard) -> None
 
 
 def test_receiver_falls_back_for_nothing_else(heard: Heard) -> None:
-    """A time-out needs a gap between frames that are used; a guest that stalls makes some, too, and may cut the doubt
-    about two senders in two."""
+    """No other reason occurs. A time-out needs a gap between frames that are used. A guest that stalls makes some."""
     reading, used_us = Reading(load_config(None), TIMEOUTS_US), []
     for f, _ in read_log(heard.log, Damage()):
         if reading.feed(f) <= Verdict.ANEW:
             used_us.append(f.stamp_us)
     gaps_us = [b - a for a, b in pairwise(used_us)]
     outs = heard.reasons().count("timed out") - 1  # the last one is for ever
-    assert 2 <= outs <= sum(g > 40_000 for g in gaps_us)
+    assert 2 <= outs <= sum(g > 55_000 for g in gaps_us)
     must = {"nothing yet", "NotAvailable", "FRESH_VALID", "many drops", "timed out", "two senders"}
     assert set(heard.reasons()) - {"Degraded"} == must
 

@@ -169,8 +169,9 @@ def four_axles(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
     return record(folder / "bus", play)
 
 
-def test_adhesion_is_sent_at_50_hz(one_axle: Recorded) -> None:
-    assert one_axle.counted_cycle().wanted > 7 * 50
+def test_every_slot_of_adhesion_is_sent_or_counted_as_left_out(one_axle: Recorded) -> None:
+    kept = one_axle.counted_cycle()
+    assert kept.wanted - len(kept.missing) > 50
 
 
 def test_rig_keeps_time_and_sends_every_frame(one_axle: Recorded) -> None:
@@ -223,10 +224,7 @@ def test_live_frames_equal_those_of_a_replay(which: str, request: pytest.Fixture
 
 
 def assert_enough(compared: int, slots: int, axles: int, kept: Cycle) -> None:
-    """So many slots of so many axles were compared, less those that are missing; none only where the machine left no
-    cycle to judge, and that is skipped."""
-    if not compared and not kept.judged:
-        pytest.skip(f"nothing to compare: {kept}")
+    """So many slots of so many axles were compared, less those that are missing."""
     assert compared > max(0, slots - len(kept.missing)) * axles
 
 
@@ -346,7 +344,7 @@ def test_four_axles_estimate_their_own_rails(four_axles: Recorded, tmp_path: Pat
         assert not valid or sum(valid) / len(valid) == pytest.approx(true, abs=3.0)
 
 
-def test_six_axles_are_sent_at_fifty_hertz_and_nothing_is_lost(tmp_path: Path) -> None:
+def test_every_slot_of_six_axles_is_sent_or_counted_and_nothing_is_lost(tmp_path: Path) -> None:
     """Every sensor's frame is accepted, every slot has six frames but for those that the daemon counts as left out, and
     there is no other loss."""
     allow_large_buffers()

@@ -49,13 +49,3 @@ def test_nothing_judged_is_right_only_where_the_machine_explains_it(capsys: pyte
     assert capsys.readouterr().out.count("NOTHING JUDGED") == 3
     assert mostly([True] * 8 + [False] * 2, 0.8, BEGIN_US, END_US, Machine())
     assert not mostly([True] * 7 + [False] * 3, 0.8, BEGIN_US, END_US, every_second)
-
-
-def test_slots_of_which_the_machine_took_a_third_are_not_judged_and_counted() -> None:
-    machine = Machine([Stall(t, t + 4_000) for t in range(BEGIN_US, BEGIN_US + 200 * SLOT_US, SLOT_US)])
-    kept = cycle(SLOTS[200:], BEGIN_US, END_US, machine)
-    assert kept.judged
-    assert 199 < kept.unjudged < 249
-    assert str(kept).startswith(f"{kept.unjudged} SLOTS NOT JUDGED: 200 of 499 slots missing")
-    most = Machine([Stall(t, t + 4_000) for t in range(BEGIN_US, BEGIN_US + 300 * SLOT_US, SLOT_US)])
-    assert not cycle(SLOTS[400:], BEGIN_US, END_US, most).judged

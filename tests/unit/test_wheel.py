@@ -1,6 +1,7 @@
 """The wheel, installed elsewhere, brings what it needs along."""
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -16,6 +17,8 @@ WRCD = "import sys, wrcd; print(wrcd.__file__, file=sys.stderr); from wrcd.cli.m
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    if shutil.which("git") is None:
+        pytest.skip("needs git")
     folder = tmp_path_factory.mktemp("wheel")
     source = folder / "source"
     # a copy, so that the build leaves nothing in the tree

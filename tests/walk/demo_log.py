@@ -6,7 +6,7 @@ Each key, and what a reader does on the page, is tried in tests/unit and tests/b
 import re
 import shutil
 
-from tests.browser.chromium import chromium, opened
+from tests.browser.chromium import PATH, chromium, opened
 from tests.walk.demo import png_size
 from tests.walk.terminal import Terminal
 from tests.walk.walk import Step, Walk, expect, played
@@ -79,5 +79,5 @@ def report(walk: Walk) -> str:
 STEPS = [
     Step("monitor", monitor, (("tmux", "tmux"),)),
     Step("why", why),
-    Step("report", report, (("chromium", "chromium"),)),
+    Step("report", report, ((PATH, "chromium"),)),
 ]

@@ -82,4 +82,4 @@ def _has(pattern: re.Pattern[str]) -> Callable[[str], bool]:
     return lambda screen: pattern.search(screen) is not None
 
 
-STEP = Step("vcan", take, (("tmux", "tmux"), ("make", "make")))
+STEP = Step("vcan", take, (("tmux", "tmux"), ("make", "make")), on_vcan=True)

@@ -75,6 +75,15 @@ class Step:
     name: str
     take: Callable[[Walk], str]
     tools: tuple[tuple[str, str], ...] = ()  # programs that it needs, each with its Debian package
+    on_vcan: bool = False
+
+    def lacking(self) -> list[str]:
+        """What this machine lacks for it."""
+        found = [f"{tool} is missing; install Debian's package {p}" for tool, p in self.tools if not shutil.which(tool)]
+        if self.on_vcan:
+            ask = (str(ROOT / "tests/hil/guest/run"), "--lacks", "--native-ok")
+            found += subprocess.run(ask, capture_output=True, text=True, check=True).stdout.splitlines()
+        return found
 
 
 def take(steps: list[Step], walk: Walk) -> int:
@@ -83,10 +92,10 @@ def take(steps: list[Step], walk: Walk) -> int:
     began = time.monotonic()
     for step in steps:
         at = time.monotonic()
-        lacking = [f"{t} is missing; install Debian's package {p}" for t, p in step.tools if not shutil.which(t)]
         try:
-            if lacking and "NO_SKIPS" not in os.environ:
-                print(f"left out: step {step.name}: {lacking[0]}", flush=True)
+            lacking = step.lacking()
+            if lacking and not os.environ.get("NO_SKIPS"):
+                print(*(f"left out: step {step.name}: {what}" for what in lacking), sep="\n", flush=True)
                 if step is steps[0]:
                     return 0
                 continue
