@@ -18,11 +18,10 @@ from sim_ecu.campaign.kinds.given import (
     scenario_of,
 )
 from sim_ecu.jobs.job import Job, Scalar
-from sim_ecu.loop import IDEAL
 from sim_ecu.loop.control.adhesion_consumer import Facts
 from sim_ecu.loop.control.slip_controller import NAMES, make_controller
 from sim_ecu.loop.drive_scenario import DriveScenario, read_drive_scenario
-from sim_ecu.loop.lockstep import Lockstep, Timing, cost_of_driving, ride_ideal
+from sim_ecu.loop.lockstep import Lockstep, Timing, cost_of_driving
 from sim_ecu.loop.ride_figures import MIN_SLIDE_SPEED_M_S, Honesty, adhesion_series, honesty, judge
 from sim_ecu.loop.rig import Step
 from sim_ecu.play.faults import SILENT
@@ -36,8 +35,7 @@ from wrcd.errors import InputError
 
 FACTORS = (
     SCENARIO,
-    Factor("controller", Type.TEXT, "who demands torque; ideal sees the rail, as no controller can", "thresholds",
-           choices=(*NAMES, IDEAL)),
+    Factor("controller", Type.TEXT, "who demands torque", "thresholds", choices=NAMES),
     Factor("with_adhesion", Type.FLAG, "the controller receives wrcd's frames", False),
     Factor("daemon", Type.FLAG, "wrcd runs, also where the controller does not use it; always with_adhesion", False),
     DESIGN,
@@ -92,17 +90,13 @@ def _request(inputs: Mapping[str, Any]) -> _DriveRequest:
     if with_adhesion and controller not in NAMES[1:]:
         hint = f"of {', '.join(NAMES[1:])} only"
         raise InputError(f"{controller!r} takes no adhesion", key="with_adhesion", hint=hint)
-    if controller == IDEAL and runs:
-        raise InputError("runs without a bus, so without a daemon", key="controller", hint="daemon = false")
-    if controller == IDEAL and timing != Timing():
-        raise InputError("acts at once, on what it sees", key="controller", hint="phase_us and delay_us are of others")
     for name in ("design", "configuration"):
         if inputs.get(name) and not runs:
             raise InputError("is of a daemon, and none runs", key=name, hint="daemon = true")
     scenario = scenario_of(inputs, path_of(inputs["scenario"], to_drive=True), read_drive_scenario)
     faults = fault_of(inputs, scenario.axles, scenario.train.duration_s)
     for f in faults:
-        if controller == IDEAL or not (runs or f.kind in SILENT):
+        if not (runs or f.kind in SILENT):
             raise InputError(f"nobody receives the inputs that {f.kind} spoils", key="fault", hint="daemon = true")
     played = replace(scenario.train, faults=(*scenario.train.faults, *faults))
     config, train = daemon_of(inputs, played) if runs else (None, PACKAGED)
@@ -132,9 +126,6 @@ def figures(job: Job) -> Mapping[str, Scalar]:
 
 
 def _steps(request: _DriveRequest, recorder: TrainFrames | None) -> Iterator[Step]:
-    if request.controller == IDEAL:
-        yield from ride_ideal(request.scenario)
-        return
     source = request.config if request.with_adhesion else None
     controller = make_controller(request.controller, Facts.of(request.scenario), source)
     listener = None if recorder is None else recorder.keep
@@ -161,7 +152,7 @@ def _cost(inputs: Mapping[str, Any]) -> float:
 
 DRIVE = Kind(
     "drive",
-    "a stop or a start in lockstep with a controller, as `sim-ecu loop` drives them",
+    "a stop or a start in lockstep with a controller",
     FACTORS,
     FIGURES,
     figures,

@@ -102,7 +102,7 @@ def test_no_two_messages_share_an_id_or_a_data_id(production: Database) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", [*MESSAGES, *(f"{own}_A{{a}}" for own in ("Demand", "WheelSpeed", "BrakePressure", "Sand", "SimTruth"))]
+    "name", [*MESSAGES, *(f"{own}_A{{a}}" for own in ("Demand", "WheelSpeed", "BrakePressure", "SimTruth"))]
 )
 def test_every_axle_has_the_same_messages(production: Database, name: str) -> None:
     """Down to comments, value tables and attributes; only ids and numbers differ."""
@@ -171,15 +171,15 @@ def test_labels_are_those_that_the_code_sends(production: Database) -> None:
     assert words(production, "WrcdLink", "LinkState") == set(get_args(LinkState))
 
 
-# What is in the rig's DBC for each wheelset: its base id. Controllers of the closed loop send and hear the first four
-RIGS_OWN = {"Demand": 0x140, "WheelSpeed": 0x150, "BrakePressure": 0x160, "Sand": 0x170, "SimTruth": 0x7A0}
+# What is in the rig's DBC for each wheelset: its base id. Controllers of the closed loop send and hear the first three
+RIGS_OWN = {"Demand": 0x140, "WheelSpeed": 0x150, "BrakePressure": 0x160, "SimTruth": 0x7A0}
 
 
 def test_truth_is_in_the_rigs_dbc_only(production: Database) -> None:
     truth = load("sim_ecu.dbc")
     assert {m.name: m.frame_id for m in truth.messages} == {
         f"{name}_A{a}": base + a for name, base in RIGS_OWN.items() for a in AXLES
-    } | {"DriverDemand": 0x131, "TrainPosition": 0x132, "DriverLever": 0x133}
+    } | {"DriverDemand": 0x131}
     slip = truth.get_message_by_name("SimTruth_A1").get_signal_by_name("Slip")
     assert (slip.start, slip.length, slip.is_signed, slip.scale) == (48, 16, True, 1e-5)
     assert not {m.name for m in truth.messages} & {m.name for m in production.messages}
@@ -188,15 +188,11 @@ def test_truth_is_in_the_rigs_dbc_only(production: Database) -> None:
 def test_the_loops_messages_have_their_layout_and_time_outs() -> None:
     rig = load("sim_ecu.dbc")
     layout = {
-        "Demand_A8": (6, 10, {"Torque": (16, 24, True, 0.01), "Valve": (40, 2, False, 1), "Shared": (42, 1, False, 1)}),
+        "Demand_A8": (6, 10, {"Torque": (16, 24, True, 0.01), "Valve": (40, 2, False, 1)}),
         "WheelSpeed_A8": (5, 10, {"WheelSpeed": (16, 24, True, 1e-4)}),
         "BrakePressure_A8": (4, 20, {"Pressure": (16, 16, False, 1e-3)}),
         "DriverDemand": (5, 20, {"Mode": (16, 2, False, 1), "Share": (24, 16, False, 1e-4)}),
-        "Sand_A8": (3, 50, {"Rate": (16, 8, False, 0.05)}),
-        "TrainPosition": (8, 50, {"Position": (16, 24, False, 0.01), "ToMark": (40, 20, True, 0.05)}),
-        "DriverLever": (5, 50, {"Share": (24, 16, True, 1e-4)}),
     }
-    cycles_to_wait = {"DriverLever": 4}
     for name, (length, cycle_ms, signals) in layout.items():
         m = rig.get_message_by_name(name)
         assert (m.length, m.cycle_time) == (length, cycle_ms)
@@ -204,12 +200,10 @@ def test_the_loops_messages_have_their_layout_and_time_outs() -> None:
         assert {n: (s.start, s.length, s.is_signed, s.scale) for n, s in own.items()} == signals
         for s in m.signals:
             assert s.dbc is not None
-            assert s.dbc.attributes["GenSigTimeoutTime"].value == cycles_to_wait.get(name, 3) * cycle_ms
+            assert s.dbc.attributes["GenSigTimeoutTime"].value == 3 * cycle_ms
     demand, driver = rig.get_message_by_name("Demand_A1"), rig.get_message_by_name("DriverDemand")
     assert dict(demand.get_signal_by_name("Valve").choices or {}) == {0: "Fill", 1: "Hold", 2: "Vent"}
     assert dict(driver.get_signal_by_name("Mode").choices or {}) == {0: "Coast", 1: "Traction", 2: "Brake"}
-    to_mark = rig.get_message_by_name("TrainPosition").get_signal_by_name("ToMark")
-    assert (to_mark.minimum, to_mark.maximum, dict(to_mark.choices or {})) == (-5000, 20000, {524287: "NotAvailable"})
 
 
 def test_every_cause_has_a_label_and_residuals_keep_their_range(production: Database) -> None:

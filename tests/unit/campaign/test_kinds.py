@@ -77,9 +77,9 @@ def test_another_seed_gives_other_figures(found: dict[str, dict[str, Any]]) -> N
 
 
 def test_drive_is_a_ride_in_lockstep(found: dict[str, dict[str, Any]]) -> None:
-    file = {"scenario": "brake-greasy", "controller": "creep", "seed": 1, **SHORT}
+    file = {"scenario": "brake-greasy", "controller": "thresholds", "seed": 1, **SHORT}
     scenario = load_drive_scenario("brake-greasy")  # its seed is 1
-    controller = make_controller("creep", Facts.of(scenario))
+    controller = make_controller("thresholds", Facts.of(scenario))
     steps = [s for s in Lockstep(scenario, controller, None) if s.due_us <= SHORT["scenario.duration_s"] * 1e6]
     ours, ridden = figures("drive", file), judge(steps, scenario)
     assert (ours["slip_energy_kJ"], ours["time_s"]) == (ridden.slip_energy_kJ, ridden.seconds)
@@ -144,10 +144,9 @@ def test_longer_run_costs_more(kind: str) -> None:
 WRONG = [
     ("drive", {"scenario": "brake-gresy"}, "no scenario to drive 'brake-gresy' — did you mean 'brake-greasy'?"),
     ("drive", {"scenario": "never.toml"}, "never.toml: cannot be read: No such file or directory"),
-    ("drive", {"controller": "ideal"}, "with_adhesion: 'ideal' takes no adhesion"),
+    ("drive", {"controller": "none"}, "with_adhesion: 'none' takes no adhesion"),
     ("drive", {"with_adhesion": False, "fault": "bias", "fault_at_s": 1.0}, "fault: nobody receives the inputs"),
     ("drive", {"with_adhesion": False, "design": "d.json"}, "design: is of a daemon, and none runs"),
-    ("drive", {"controller": "ideal", "with_adhesion": False, "delay_us": 5000}, "controller: acts at once"),
     ("drive", {"phase_us": 3}, "phase_us: takes 0 or 5000, not 3"),
     ("drive", {"fault": "bias"}, "fault_at_s: 5 s is not before the scenario's end — it lasts 2.6 s"),
     ("drive", {"fault": "swap", "fault_at_s": 1.0}, "fault: swap needs a scenario with two axles"),

@@ -22,7 +22,7 @@ def step(
     ones = np.ones(len(s))
     return Step(
         5000 * number, speed, 0.005 * number * speed, share, speed + s, 0 * ones, 0 * ones, available * ones,
-        at_peak * ones, used * ones, s, energy * ones, 0 * ones, [],
+        at_peak * ones, used * ones, s, energy * ones, [],
     )  # fmt: skip
 
 
