@@ -6,8 +6,8 @@
 
 python -m tests.support.pages           prints the names of the blocks that differ; exit 1 if there are any
 python -m tests.support.pages --write   makes them again
-python -m tests.support.pages --all     the expensive ones too: `sim-ecu faults`, `score`, `loop`, `mark`, `fronts` and
-                                        `sand`, hours; with --write first, for others quote them
+python -m tests.support.pages --all     the expensive ones too: `sim-ecu faults` and `score`, most of an hour; with
+                                        --write first, for others quote them
 """
 
 import argparse
@@ -29,7 +29,6 @@ from sim_ecu.campaign.definition import KINDS
 from sim_ecu.campaign.kind import Factor, Kind, Metric
 from sim_ecu.cli import main as rig_cli
 from sim_ecu.loop import drive_scenario as drive_keys
-from sim_ecu.loop.fmu.plant import VALID, variables
 from sim_ecu.physics.contact import CURVES
 from sim_ecu.physics.stability import hunting_speed_m_s
 from sim_ecu.physics.track import SPECTRA, deviation
@@ -55,18 +54,11 @@ ROOT = Path(__file__).parents[2]
 # Their output is Markdown already. Of those with sections a page keeps the head and these; --html has the others.
 SECTIONS: dict[str, tuple[str, ...]] = {
     "sim-ecu faults": (),
-    "sim-ecu loop": ("goals",),
-    "sim-ecu fronts": ("fronts", "told"),
-    "sim-ecu mark": ("tied slopes", "untied slopes", "all stops", "late films", "rails", "goals"),
     "sim-ecu score --suite worlds --beside was=lone-wheelset": ("worlds", "goals"),
     "sim-ecu score --design lone-wheelset": ("grid", "goals"),
-    "sim-ecu score --suite fusion": ("fusion",),
 }
 # Rows of the fault matrix that do as those of the yaw rate alone do.
 WHOLE_AXLE = re.compile(r"\| [^|]+ \| all of the axle \|")
-LONG_TABLE = re.compile(
-    r"^\| (?:warned before, of|false warnings of a train) \|(?:.*\n)+?\n", re.MULTILINE
-)  # of fusion
 SECTION = re.compile(r"^\*\*([\w -]+)\*\*: ", re.MULTILINE)
 BLOCK = re.compile(r"^<!-- (command|made): (.+?) -->\n(.*?)^<!-- end -->$", re.MULTILINE | re.DOTALL)
 MAX_OF_A_FAMILY = 4  # figures of a kind whose names begin alike: more of them are one row
@@ -128,7 +120,6 @@ def short(command: str, output: str) -> str:
     matrix the rows of single signals."""
     if command == "sim-ecu faults":
         return "".join(line for line in output.splitlines(keepends=True) if not WHOLE_AXLE.match(line))
-    output = LONG_TABLE.sub("", output)
     begins = [m.start() for m in SECTION.finditer(output)]
     parts = [output[a:b] for a, b in zip([0, *begins], [*begins, len(output)], strict=True)]
     kept = (part for part in parts[1:] if SECTION.match(part)[1] in SECTIONS[command])  # type: ignore[index]
@@ -360,14 +351,6 @@ def lint_of(file: str) -> list[str]:
     return ["```text", *lines[:first], "...", lines[last], "```"]
 
 
-def fmu_variables() -> list[str]:
-    """Variables of the FMU, those of axle 1 for those of every axle; a sensor's validity stands with the sensor."""
-    rows: list[Row] = [
-        (f"`{v.name}`", v.causality, v.kind, v.unit, v.what) for v in variables([1]) if not v.name.endswith(VALID)
-    ]
-    return table(("name", "causality", "type", "unit", "what"), rows)
-
-
 def campaign_kinds() -> list[str]:
     """Every kind of job with its factors and figures; what an earlier kind has, too, by its name."""
     out: list[str] = []
@@ -475,7 +458,6 @@ MAKERS: dict[str, Callable[..., list[str]]] = {
     "drive-scenario": drive_scenario,
     "tracks": tracks,
     "vehicles": vehicles,
-    "fmu-variables": fmu_variables,
     "accuracy": accuracy,
     "campaign-keys": lambda: key_rows(factors.HEAD),
     "campaign-range": lambda: key_rows(factors.RANGE),

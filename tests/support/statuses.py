@@ -129,12 +129,6 @@ RIG: dict[str, dict[Status, str]] = {
         Status.NOT_THERE: "the bus or a file cannot be opened",
         Status.INTERRUPTED: "Ctrl-C before it controlled",
     },
-    "driver": {
-        Status.DONE: "SIGTERM or Ctrl-C came, or the time of `--for` is over",
-        Status.BAD_INPUT: _RIG_BAD,
-        Status.NOT_THERE: "the bus or a file cannot be opened",
-        Status.INTERRUPTED: "Ctrl-C before it drove",
-    },
     "faults": {
         Status.DONE: "every row did what it must",
         Status.STOPPED: "a row failed: the table says which",
@@ -156,25 +150,6 @@ RIG: dict[str, dict[Status, str]] = {
         **_MADE,
         Status.BAD_INPUT: f"{_RIG_BAD}; {_UNJUDGED}",
     },
-    "loop": {
-        Status.DONE: _PRINTED,
-        Status.STOPPED: _HOLES,
-        Status.BAD_INPUT: f"{_RIG_BAD}; {_UNJUDGED}",
-        **_STOPPED,
-    },
-    "mark": {
-        Status.DONE: _PRINTED,
-        Status.STOPPED: _HOLES,
-        Status.BAD_INPUT: f"{_RIG_BAD}; {_UNJUDGED}",
-        **_STOPPED,
-    },
-    "fronts": {Status.DONE: "the tables are printed", Status.STOPPED: _HOLES, Status.BAD_INPUT: _RIG_BAD, **_STOPPED},
-    "sand": {
-        Status.DONE: "the tables are printed, whatever the goal's verdict",
-        Status.STOPPED: "runs failed twice: the error names them; their rails are left out of the tables",
-        Status.BAD_INPUT: _RIG_BAD,
-        **_STOPPED,
-    },
     "campaign": {
         Status.DONE: "every job is done",
         Status.STOPPED: "jobs failed, took too long or died: their rows say why; or the workers are lost or have other "
@@ -189,12 +164,6 @@ RIG: dict[str, dict[Status, str]] = {
         **_STOPPED,
     },
     "figures": {Status.DONE: "the figures are drawn, whatever they show", **_MADE},
-    "fmu": {
-        Status.DONE: "the FMU is made",
-        Status.BAD_INPUT: _RIG_BAD,
-        Status.NOT_THERE: "the scenario's file cannot be opened: it may be there on the next try",
-        **_STOPPED,
-    },
     "demo": {
         Status.DONE: "valid estimates were seen",
         Status.STOPPED: "no valid estimate was seen",
