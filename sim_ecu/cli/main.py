@@ -12,10 +12,8 @@ SIM_ECU = Program(
     (
         "list",
         "play",
-        "inject",
         "drive",
         "control",
-        "faults",
         "design",
         "contact",
         "tune",

@@ -6,7 +6,7 @@
 
 python -m tests.support.pages           prints the names of the blocks that differ; exit 1 if there are any
 python -m tests.support.pages --write   makes them again
-python -m tests.support.pages --all     the expensive ones too: `sim-ecu faults` and `score`, most of an hour; with
+python -m tests.support.pages --all     the expensive ones too: fault matrix and `sim-ecu score`, most of an hour; with
                                         --write first, for others quote them
 """
 
@@ -37,6 +37,7 @@ from sim_ecu.play import scenario_keys
 from sim_ecu.play.vehicles import load_vehicle, packaged_vehicles
 from sim_ecu.reporting.values import MISSED
 from sim_ecu.reporting.verdicts import counted
+from tests.matrix import matrix
 from tests.support.bus_load import table as load_table
 from tests.support.statuses import STATUSES
 from wrcd import resources
@@ -53,12 +54,9 @@ from wrcd.dbc.lint.lint_file import lines as lint_lines
 ROOT = Path(__file__).parents[2]
 # Their output is Markdown already. Of those with sections a page keeps the head and these; --html has the others.
 SECTIONS: dict[str, tuple[str, ...]] = {
-    "sim-ecu faults": (),
     "sim-ecu score --suite worlds --beside was=lone-wheelset": ("worlds", "goals"),
     "sim-ecu score --design lone-wheelset": ("grid", "goals"),
 }
-# Rows of the fault matrix that do as those of the yaw rate alone do.
-WHOLE_AXLE = re.compile(r"\| [^|]+ \| all of the axle \|")
 SECTION = re.compile(r"^\*\*([\w -]+)\*\*: ", re.MULTILINE)
 BLOCK = re.compile(r"^<!-- (command|made): (.+?) -->\n(.*?)^<!-- end -->$", re.MULTILINE | re.DOTALL)
 MAX_OF_A_FAMILY = 4  # figures of a kind whose names begin alike: more of them are one row
@@ -86,7 +84,7 @@ class Block:
     @property
     def expensive(self) -> bool:
         """Whether making it takes minutes."""
-        return self.what in SECTIONS
+        return self.what in SECTIONS or self.what == "fault-matrix"
 
     @property
     def name(self) -> str:
@@ -116,10 +114,7 @@ def make(block: Block) -> str:
 
 
 def short(command: str, output: str) -> str:
-    """Return what a page keeps of an expensive command's output: its head and the sections of SECTIONS; of the fault
-    matrix the rows of single signals."""
-    if command == "sim-ecu faults":
-        return "".join(line for line in output.splitlines(keepends=True) if not WHOLE_AXLE.match(line))
+    """Return what a page keeps of an expensive command's output: its head and the sections of SECTIONS."""
     begins = [m.start() for m in SECTION.finditer(output)]
     parts = [output[a:b] for a, b in zip([0, *begins], [*begins, len(output)], strict=True)]
     kept = (part for part in parts[1:] if SECTION.match(part)[1] in SECTIONS[command])  # type: ignore[index]
@@ -446,7 +441,13 @@ def goals_of(page: str) -> list[tuple[str, str, str, str]]:
     return [(name, value, bound, verdict) for name, value, bound, verdict in rows[1:]]
 
 
+def fault_matrix() -> list[str]:
+    """The rows of single signals: those of a whole axle do as the yaw rate's alone do."""
+    return [line for line in matrix.lines() if not matrix.WHOLE_AXLE.match(line)]
+
+
 MAKERS: dict[str, Callable[..., list[str]]] = {
+    "fault-matrix": fault_matrix,
     "messages": messages,
     "options": options,
     "configuration": configuration,

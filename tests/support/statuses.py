@@ -110,12 +110,6 @@ RIG: dict[str, dict[Status, str]] = {
         Status.NOT_THERE: _RIG_BUS,
         Status.INTERRUPTED: "Ctrl-C before it played, or with `--fast`",
     },
-    "inject": {
-        Status.DONE: "the scenario is over, or SIGTERM or Ctrl-C came",
-        Status.BAD_INPUT: _RIG_BAD,
-        Status.NOT_THERE: _RIG_BUS,
-        Status.INTERRUPTED: "Ctrl-C before it played, or with `--fast`",
-    },
     "drive": {
         Status.DONE: "the scenario is over",
         Status.STOPPED: "SIGTERM or Ctrl-C came before it was over: the figures are of what was driven",
@@ -128,12 +122,6 @@ RIG: dict[str, dict[Status, str]] = {
         Status.BAD_INPUT: _RIG_BAD,
         Status.NOT_THERE: "the bus or a file cannot be opened",
         Status.INTERRUPTED: "Ctrl-C before it controlled",
-    },
-    "faults": {
-        Status.DONE: "every row did what it must",
-        Status.STOPPED: "a row failed: the table says which",
-        Status.BAD_INPUT: _RIG_BAD,
-        **_STOPPED,
     },
     "design": {Status.DONE: "the file is made", **_MADE},
     "tune": {

@@ -18,8 +18,6 @@ import pytest
 from sim_ecu import bench
 from sim_ecu.cli import main as rig_cli
 from sim_ecu.design.brief import load_source
-from sim_ecu.play.expected import LONG_ROWS, ROWS
-from sim_ecu.play.matrix import HEAD, Verdict, line
 from sim_ecu.reporting import verdicts
 from sim_ecu.reporting.values import CHANCE, MET, MET_CHANCE, MISSED, TOO_FEW
 from sim_ecu.score import SUITES, WORLDS
@@ -27,6 +25,8 @@ from sim_ecu.score.metrics.bootstrap import NOTHING
 from sim_ecu.score.run_score import ScoreRequest, belonging, make_baselines
 from sim_ecu.score.score_goals import ACCUSED, SCORE_GOALS
 from sim_ecu.score.suites.worlds import EVERY
+from tests.matrix.expected import LONG_ROWS, ROWS
+from tests.matrix.matrix import HEAD, WHOLE_AXLE, Verdict, line
 from tests.support import pages
 from tests.support.bus_load import MAX_LOAD_PCT, bits, bits_per_s, of_axles
 from tests.support.lone_wheelset import LONE_DESIGN
@@ -88,7 +88,7 @@ def test_every_marker_has_an_end_and_each_expensive_block_is_there_once() -> Non
     for page in PAGES:
         body = page.read_text(encoding="utf-8")
         assert len(re.findall(r"^<!-- (?:command|made): ", body, re.MULTILINE)) == len(pages.BLOCK.findall(body)), page
-    assert sorted(b.what for b in pages.blocks() if b.expensive) == sorted(pages.SECTIONS)
+    assert sorted(b.what for b in pages.blocks() if b.expensive) == sorted([*pages.SECTIONS, "fault-matrix"])
 
 
 # --- paths, commands
@@ -390,11 +390,11 @@ def test_page_names_the_most_axles_of_each_bit_rate() -> None:
 
 
 def test_fault_matrix_has_the_rows_of_the_code() -> None:
-    (block,) = (b for b in pages.blocks() if b.what == "sim-ecu faults")
+    (block,) = (b for b in pages.blocks() if b.what == "fault-matrix")
     lines = block.text.strip().splitlines()
     assert lines[:2] == HEAD.splitlines()
     judged = [line(row, Verdict(None, None, None, None, "")) for row in (*ROWS, *LONG_ROWS)]
-    judged = [row for row in judged if not pages.WHOLE_AXLE.match(row)]
+    judged = [row for row in judged if not WHOLE_AXLE.match(row)]
     assert [x.split("|")[1:5] for x in lines[2:]] == [x.split("|")[1:5] for x in judged]
     assert {x.split("|")[-2].strip() for x in lines[2:]} == {"yes"}
 

@@ -50,7 +50,7 @@ def test_every_package_that_the_rig_imports_belongs_to_a_known_extra() -> None:
 
 
 @pytest.mark.parametrize(
-    "command", ["play leaf-patch --fast --log never.log", "faults", "design --explain", "score --quick", "demo"]
+    "command", ["play leaf-patch --fast --log never.log", "design --explain", "score --quick", "demo"]
 )
 def test_command_without_the_extra_is_one_line_and_status_2(command: str) -> None:
     done = run(",".join(MODULES), *command.split())

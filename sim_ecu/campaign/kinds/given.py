@@ -100,7 +100,7 @@ CONFIGURATION = Factor(
     is_file=True,
 )  # fmt: skip
 FAULT = (
-    Factor("fault", Type.TEXT, "what goes wrong with the inputs, as `sim-ecu inject --list` names it, beside the "
+    Factor("fault", Type.TEXT, "what goes wrong with the inputs, as `sim-ecu list` names it, beside the "
            "scenario's own", NO_FAULT, choices=(NO_FAULT, *KINDS)),
     Factor("fault_at_s", Type.NUMBER, "when it begins, from the scenario's start", 5.0, "s"),
     Factor("fault_for_s", Type.NUMBER, "how long it lasts", DURATION_S, "s"),

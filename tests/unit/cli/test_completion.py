@@ -97,7 +97,7 @@ LOGS = ["a.log", "a.log.gz", "logs"]
         ("sim-ecu play le", ["leaf-patch"]),
         ("sim-ecu play a", [*(s for s in packaged() if s.startswith("a")), "a.toml"]),
         ("sim-ecu play dry ", []),
-        ("sim-ecu inject dry --fault c", [f"{kind}:" for kind in KINDS if kind.startswith("c")]),
+        ("sim-ecu play dry --fault c", [f"{kind}:" for kind in KINDS if kind.startswith("c")]),
         ("sim-ecu design --config m", [v for v in packaged_vehicles() if v.startswith("m")]),
         ("sim-ecu design --form ", ["wrcd", "paper"]),
         ("sim-ecu design --explain x", ["x.json"]),

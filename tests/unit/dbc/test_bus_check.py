@@ -66,7 +66,7 @@ def checked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Checked:
         else:
             spoken = ["--config", str(config)]
         given = [word for f in faults for word in ("--fault", f)]
-        assert sim_ecu(["inject" if faults else "play", str(file), *given, *spoken, "--fast", "--log", str(log)]) == 0
+        assert sim_ecu(["play", str(file), *given, *spoken, "--fast", "--log", str(log)]) == 0
         capsys.readouterr()
         status = main(["check", "--config", str(config), "--log", str(log)])
         return status, capsys.readouterr().out

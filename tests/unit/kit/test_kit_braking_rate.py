@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-
 from sim_ecu.loop.control.braking_rate import RATES, AdvisedRate, RateLimits, needed_m_s2
+
 from tests.support.kit.building import COMPILERS, WARNINGS, build, needs_compiler, run, written
 
 pytestmark = needs_compiler

@@ -5,14 +5,12 @@
 #    source ~/.local/share/bash_completion/sim-ecu
 # See also: https://github.com/scop/bash-completion/blob/main/doc/configuration.md
 
-_shtab_sim_ecu_subparsers=(list play inject drive control faults design contact tune score figures campaign compare demo completion)
+_shtab_sim_ecu_subparsers=(list play drive control design contact tune score figures campaign compare demo completion)
 
 _shtab_sim_ecu_list_option_strings=(-h --help)
-_shtab_sim_ecu_play_option_strings=(-h --help -i --interface -c --channel --log --fast --config --no-truth --ahead)
-_shtab_sim_ecu_inject_option_strings=(-h --help -i --interface -c --channel --log --fast --config --no-truth --ahead --fault --list)
+_shtab_sim_ecu_play_option_strings=(-h --help -i --interface -c --channel --log --fast --config --no-truth --ahead --fault)
 _shtab_sim_ecu_drive_option_strings=(-h --help -i --interface -c --channel --log --no-truth --json)
 _shtab_sim_ecu_control_option_strings=(-h --help -i --interface -c --channel --with-adhesion --config --scenario --for)
-_shtab_sim_ecu_faults_option_strings=(-h --help)
 _shtab_sim_ecu_design_option_strings=(-h --help --config -o --output --form --search --budget --jobs --baselines --explain)
 _shtab_sim_ecu_contact_option_strings=(-h --help --k-a --k-s)
 _shtab_sim_ecu_tune_option_strings=(-h --help --config -o --output --form --over --budget --played --seed --jobs --against)
@@ -31,14 +29,7 @@ _shtab_sim_ecu_play__c_COMPGEN=_wrcd_channels
 _shtab_sim_ecu_play___channel_COMPGEN=_wrcd_channels
 _shtab_sim_ecu_play___log_COMPGEN=_wrcd_file_log
 _shtab_sim_ecu_play___config_COMPGEN=_wrcd_file_toml
-_shtab_sim_ecu_inject_pos_0_COMPGEN=_wrcd_file_all_curves_toml
-_shtab_sim_ecu_inject__i_COMPGEN=_wrcd_words_canalystii_
-_shtab_sim_ecu_inject___interface_COMPGEN=_wrcd_words_canalystii_
-_shtab_sim_ecu_inject__c_COMPGEN=_wrcd_channels
-_shtab_sim_ecu_inject___channel_COMPGEN=_wrcd_channels
-_shtab_sim_ecu_inject___log_COMPGEN=_wrcd_file_log
-_shtab_sim_ecu_inject___config_COMPGEN=_wrcd_file_toml
-_shtab_sim_ecu_inject___fault_COMPGEN=_wrcd_words_loss__
+_shtab_sim_ecu_play___fault_COMPGEN=_wrcd_words_loss__
 _shtab_sim_ecu_drive_pos_0_COMPGEN=_wrcd_file_all_curves_toml
 _shtab_sim_ecu_drive__i_COMPGEN=_wrcd_words_canalystii_
 _shtab_sim_ecu_drive___interface_COMPGEN=_wrcd_words_canalystii_
@@ -95,7 +86,7 @@ _shtab_sim_ecu_score___suite_choices=(paper grid robust rough harsh slow worlds 
 _shtab_sim_ecu_score___fail_on_choices=(missed)
 _shtab_sim_ecu_compare___fail_on_choices=(worse any)
 _shtab_sim_ecu_completion_pos_0_choices=(bash zsh)
-_shtab_sim_ecu_pos_0_choices=(list play inject drive control faults design contact tune score figures campaign compare demo completion)
+_shtab_sim_ecu_pos_0_choices=(list play drive control design contact tune score figures campaign compare demo completion)
 
 _shtab_sim_ecu_list__h_nargs=0
 _shtab_sim_ecu_list___help_nargs=0
@@ -104,20 +95,12 @@ _shtab_sim_ecu_play___help_nargs=0
 _shtab_sim_ecu_play___fast_nargs=0
 _shtab_sim_ecu_play___no_truth_nargs=0
 _shtab_sim_ecu_play___ahead_nargs=0
-_shtab_sim_ecu_inject__h_nargs=0
-_shtab_sim_ecu_inject___help_nargs=0
-_shtab_sim_ecu_inject___fast_nargs=0
-_shtab_sim_ecu_inject___no_truth_nargs=0
-_shtab_sim_ecu_inject___ahead_nargs=0
-_shtab_sim_ecu_inject___list_nargs=0
 _shtab_sim_ecu_drive__h_nargs=0
 _shtab_sim_ecu_drive___help_nargs=0
 _shtab_sim_ecu_drive___no_truth_nargs=0
 _shtab_sim_ecu_control__h_nargs=0
 _shtab_sim_ecu_control___help_nargs=0
 _shtab_sim_ecu_control___with_adhesion_nargs=0
-_shtab_sim_ecu_faults__h_nargs=0
-_shtab_sim_ecu_faults___help_nargs=0
 _shtab_sim_ecu_design__h_nargs=0
 _shtab_sim_ecu_design___help_nargs=0
 _shtab_sim_ecu_design___search_nargs=0
@@ -171,12 +154,12 @@ _wrcd_file_log() {
 _wrcd_file_toml() {
     _wrcd_files 'toml' "$1"
 }
+_wrcd_words_loss__() {
+    compgen -W 'loss: burst: crc: counter: dlc: bias: drift: freeze: spike: nan: status: swap: reverse: dead: swap-wiring: delay: sender: babble: error-flood: link-down: device-gone: bus-off:' -- "$1"
+}
 _wrcd_file_all_curves_toml() {
     compgen -W 'all-curves axle-box corrugation curves damp dry four-axles greasy half-wet leaf-patch low service-stop six-axles stop-and-go very-low wet' -- "$1"
     _wrcd_files 'toml' "$1"
-}
-_wrcd_words_loss__() {
-    compgen -W 'loss: burst: crc: counter: dlc: bias: drift: freeze: spike: nan: status: swap: reverse: dead: swap-wiring: delay: sender: babble: error-flood: link-down: device-gone: bus-off:' -- "$1"
 }
 _wrcd_file_any() {
     compgen -f -- "$1"

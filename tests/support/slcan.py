@@ -1,7 +1,9 @@
-"""A CAN interface of our own: the kernel's slcan driver on a pty whose other end is the rig.
+"""A CAN interface of our own: the kernel's slcan driver on a pty whose other end is the test. Needs root.
 
 To a program on the interface this is a CAN controller with a driver, error states and bus-off; what it sends arrives
 here as text and is thrown away.
+
+python -m tests.support.slcan SCENARIO CHANNEL   makes the interface and plays onto it, as `sim-ecu play --ahead` does
 """
 
 import errno
@@ -9,6 +11,7 @@ import fcntl
 import os
 import pty
 import struct
+import sys
 import termios
 import tty
 
@@ -16,6 +19,8 @@ import can
 
 from sim_ecu.play.faults import SILENT, Fault
 from sim_ecu.play.interface import ip
+from sim_ecu.play.play import play_onto
+from sim_ecu.play.scenario import load_scenario
 from wrcd.errors import BusError
 
 N_SLCAN = 17  # line discipline
@@ -100,3 +105,11 @@ class Slcan:
     def _close(self) -> None:
         os.close(self._line)
         os.close(self._peer)
+
+
+if __name__ == "__main__":
+    made = Slcan(sys.argv[2])
+    try:
+        print(play_onto(made, load_scenario(sys.argv[1]), None, truth=False, ahead=True).text(), file=sys.stderr)
+    finally:
+        made.shutdown()
