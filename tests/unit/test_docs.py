@@ -203,18 +203,6 @@ def test_controller_page_has_every_word_of_what_lies_ahead() -> None:
             assert found[name] - {"any other value"} == set(said.words)
 
 
-def test_controller_page_has_every_word_and_limit_of_the_advice() -> None:
-    found: dict[str, set[str]] = {}
-    for signal, value, *_ in rows(CONTROLLER, "## The train's advice"):
-        found.setdefault(signal or next(reversed(found)), set()).update(value.split(", "))
-    for name, said in vocabulary.MESSAGES["advice"].items():
-        assert found[name]
-        if isinstance(said, vocabulary.Words):
-            assert found[name] - {"any other value"} == {*said.words, *said.extra}
-    for category, limit in vocabulary.CATEGORY_LIMITS:
-        assert found[category] == {f"{limit:.1f} m/s²"}
-
-
 @pytest.mark.parametrize(
     ("heading", "signal", "classes"),
     [

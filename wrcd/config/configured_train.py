@@ -11,7 +11,6 @@ from wrcd.bus.frame import EXTENDED
 from wrcd.bus.signals import Output, StatusRule
 from wrcd.bus.units import Quantity
 from wrcd.config import declared
-from wrcd.config.advice_settings import read_advice
 from wrcd.config.input_mapping import check_pace, resolve
 from wrcd.config.keys import names
 from wrcd.config.outputs import STATUS_KEYS, STATUS_MESSAGES, output, usual_messages
@@ -27,7 +26,7 @@ from wrcd.config.statements import (
     statements,
 )
 from wrcd.config.status_rules import status_rules
-from wrcd.core.configuration import MAX_AXLES, AdviceConfig, AxleConfig, Input
+from wrcd.core.configuration import MAX_AXLES, AxleConfig, Input
 from wrcd.estimator.design import Design
 
 AHEAD = "ahead"
@@ -42,7 +41,6 @@ class ConfiguredTrain:
         self.inputs: list[Input] = []
         self.data_ids: dict[str, int | None] = {}
         self.own: list[Output | None] = []  # the daemon's own: status, rejects, link
-        self.advice: AdviceConfig | None = None
         self.warnings: list[str] = []
 
 
@@ -53,7 +51,7 @@ def all_statements(tables: Sequence[Section], vehicle: Section) -> list[Statemen
 
 
 def read_train(top: Section, vehicle: Section, database: Database | None, design: Design | None) -> ConfiguredTrain:
-    """Read [vehicle], [[axle]] and [advice]. Mistakes are collected.
+    """Read [vehicle] and [[axle]]. Mistakes are collected.
 
     Without a database or a design (they have mistakes of their own) only what the configuration says by itself is
     looked at.
@@ -91,10 +89,6 @@ def read_train(top: Section, vehicle: Section, database: Database | None, design
         train.own.append(one)
         if one is not None:
             sent.append((vehicle.place(kind, declared.MESSAGE.name), one))
-    train.advice = read_advice(top, known, tick_ms)
-    if train.advice is not None:
-        place = top.section("advice").place(declared.ADVICE_MESSAGE.name, declared.MESSAGE.name)
-        sent.append((place, train.advice.output))
     check_shared_signals(stated)
     if database is not None and design is not None:
         mapped = _resolved(top, stated, database, design, train)

@@ -22,7 +22,7 @@ from wrcd.config.keys import (
     Whole,
 )
 from wrcd.core.configuration import MAX_AXLES
-from wrcd.core.vocabulary import CATEGORIES, CATEGORY_LIMITS, MESSAGES, Numeric, Words, snake
+from wrcd.core.vocabulary import MESSAGES, Numeric, Words, snake
 from wrcd.resources import DEFAULT_DESIGN
 
 # The names under which python-can opens a bus; a test compares them with its own list.
@@ -184,24 +184,6 @@ AXLE: tuple[Key, ...] = (
     _output("inputs", "the same of InputHealth_A*a*"),
     _output("ahead", "the message to send as AdhesionAhead; default: AdhesionAhead_A*a*; it needs `[fusion]`"),
 )
-ADVICE_MESSAGE = Sub(
-    "message",
-    "the message to send as AdhesionAdvice; it needs Validity and DecelerationLow",
-    "advice",
-    MESSAGE.name,
-    default="AdhesionAdvice",
-)
-# One for each category but the last, the best first.
-CATEGORY_KEYS = tuple(
-    Number(
-        f"{snake(name)}_from_m_s2",
-        f"{name} holds from this lower end of the deceleration on; below, {worse}",
-        0.01,
-        2.5,
-        limit,
-    )
-    for (name, limit), worse in zip(CATEGORY_LIMITS, CATEGORIES[1:], strict=True)
-)
 # By the path of a table's keys; those of inputs and of fields that are sent are named by what they carry.
 TABLES: Mapping[str, tuple[Key, ...]] = {
     "bus": (INTERFACE, CHANNEL, TIMESTAMPS),
@@ -211,7 +193,6 @@ TABLES: Mapping[str, tuple[Key, ...]] = {
     "limits": (MIN_SPEED, NOT_AVAILABLE_AFTER, CONSTANT_SPEED),
     "axle": AXLE,
     "fusion": (POSITIONS, ONE_WAY),
-    "advice": (ADVICE_MESSAGE, *CATEGORY_KEYS),
     "recorder": (FOLDER, SECONDS, MAX_FILES, MAX_MB),
 }
 INPUTS: Mapping[str, tuple[Key, ...]] = {

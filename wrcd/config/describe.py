@@ -8,7 +8,6 @@ from wrcd.bus.units import Quantity
 from wrcd.config.raw_values import words
 from wrcd.core.configuration import Config, Input
 from wrcd.core.validity import LOAD_SHARES, RADIUS_SHARES
-from wrcd.core.vocabulary import CATEGORIES
 from wrcd.estimator.design import Design
 
 # what of a wheelset a person knows it by, as the rig names it
@@ -43,10 +42,6 @@ def describe(c: Config) -> list[str]:
         out += [line for i in c.inputs if place in i.source.axles for line in _input(c, i)]
         for o in (axle.adhesion, axle.detail, axle.inputs, axle.ahead):
             out += [] if o is None else [f"  sends                  -> {_sent(c, o)}", *_names(c, o)]
-    if c.advice is not None:
-        limits = ", ".join(f"{n} {m_s2:g}" for n, m_s2 in zip(CATEGORIES, c.advice.limits_m_s2, strict=False))
-        out += [f"advice                   -> {_sent(c, c.advice.output)}", *_names(c, c.advice.output)]
-        out.append(f"  {'categories':22}    {limits} m/s², else {CATEGORIES[-1]}")
     for o in (c.status, c.rejects, c.link):
         out += [] if o is None else [f"status                   -> {_sent(c, o)}", *_names(c, o)]
     r = c.recorder

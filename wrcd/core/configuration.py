@@ -23,14 +23,6 @@ class AxleConfig:
 
 
 @dataclass(frozen=True, slots=True)
-class AdviceConfig:
-    """The train's advice: its message, and from which deceleration (m/s²) each category but the last holds, falling."""
-
-    output: Output
-    limits_m_s2: tuple[float, ...]
-
-
-@dataclass(frozen=True, slots=True)
 class Input:
     """A mapped signal and after how long without it it is stale."""
 
@@ -77,5 +69,4 @@ class Config:
     torque_is_total: bool
     recorder: RecorderConfig
     positions_m: tuple[float, ...] | None = None  # of the axles along the train, forward positive; None: no fusion
-    advice: AdviceConfig | None = None
     warnings: tuple[str, ...] = ()  # what is odd, but bearable

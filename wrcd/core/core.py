@@ -22,7 +22,6 @@ from wrcd.bus.batch import FrameBatch
 from wrcd.bus.codec import Receiver, Sample, Value
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
-from wrcd.core.advice import NO_ADVICE, Adviser
 from wrcd.core.ahead import Ahead
 from wrcd.core.causes import Cause
 from wrcd.core.configuration import Config
@@ -82,7 +81,6 @@ class Core:
     events: Events
     _front: Front | None
     _ahead: Ahead | None
-    _adviser: Adviser | None
     _stamp_us: int = NEVER  # newest stamp taken
 
     def __init__(self, config: Config, estimator: Engine | None = None, observer: Observer | None = None) -> None:
@@ -111,7 +109,6 @@ class Core:
         positions_m = config.positions_m  # of a train without fusion None
         self._front = None if positions_m is None else Front(positions_m, config.design.tick_s)
         self._ahead = None if positions_m is None else Ahead([a.number for a in config.axles])
-        self._adviser = None if config.advice is None else Adviser(n, config.advice)
         self.explains = True  # what feed_batch() makes comes with its estimate, as what feed() makes
         self.muted = False  # make no frames: nobody would send them
         self._lane = self._make_lane()
@@ -426,7 +423,7 @@ class Core:
         estimate = slot.estimate
         if estimate is not None and self._observer is not None:
             self._observer.estimated(end_us // self._period_us - 1, estimate)
-        if slot.adhesion or slot.detail or slot.advice or slot.view is not None:
+        if slot.adhesion or slot.detail or slot.view is not None:
             self._reports = reports(slot, self.events.confidences)
             if self._slot_reports is not None:
                 self._slot_reports.append(SlotReports(self._reports, slot.adhesion, slot.below_min_speed))
@@ -434,19 +431,15 @@ class Core:
         rail_ahead = None
         if self._ahead is not None and slot.view is not None:
             rail_ahead = self._ahead.update(end_us, slot.view, self._reports, estimate)
-        advice = None
-        if self._adviser is not None and slot.advice:
-            speed_m_s, below = slot.speed_m_s, slot.below_min_speed
-            advice = self._adviser.update(end_us, speed_m_s, below, self._reports, estimate, rail_ahead)
-        return frames(slot, self._reports, self._outbox, rail_ahead, advice)
+        return frames(slot, self._reports, self._outbox, rail_ahead)
 
     def _slot(self, end_us: int, due: Dues) -> Slot:
         """Take down what the frames of a slot are made from."""
         axles, inputs, tick = range(self._n), self._inputs, self._tick
         outbox = self._outbox
-        adhesion, detail, advice = outbox.adhesion_due(due), outbox.detail_due(due), outbox.advice_due(due)
-        front = self._front if detail or advice or outbox.ahead_due(due) else None
-        reports_due = bool(adhesion) or detail or advice or front is not None
+        adhesion, detail = outbox.adhesion_due(due), outbox.detail_due(due)
+        front = self._front if detail or outbox.ahead_due(due) else None
+        reports_due = bool(adhesion) or detail or front is not None
         known = reports_due and True in self._validity.window_full
         pairs = self.estimator.health.state.tolist() if reports_due else []
         standing = [self._validity.standing(axle, pair) for axle, pair in enumerate(pairs)]
@@ -459,7 +452,6 @@ class Core:
             due=due,
             adhesion=adhesion,
             detail=detail,
-            advice=advice,
             standing=standing,
             details=self.events.standing(standing, inputs, self._validity, self.estimator.health, end_us)
             if reports_due
@@ -488,4 +480,4 @@ class Core:
     def shutdown_frames(self, now_us: int) -> list[Frame]:
         """The last frames: every axle NotAvailable, the daemon stopping."""
         self.health.state = "Stopping"
-        return list(self._outbox.shutdown_frames(now_us, self.counts, self.health, NO_ADVICE.values()))
+        return list(self._outbox.shutdown_frames(now_us, self.counts, self.health))

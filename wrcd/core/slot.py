@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from wrcd.bus.codec import Value
-from wrcd.core.advice import Advice
 from wrcd.core.ahead import RailAhead
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.front import View
@@ -33,7 +32,6 @@ class Slot:
     due: Sequence[int]  # cycles of the frames that are due
     adhesion: Sequence[int]  # axles (places) whose adhesion is due
     detail: bool  # whether a frame that explains it is
-    advice: bool  # whether the train's advice is
     standing: Sequence[Standing]
     details: Mapping[int, str]  # of the axles (places) whose standing has changed: how it is, in figures
     speed_m_s: float  # of the train; NaN before it is known, negative backwards
@@ -60,13 +58,9 @@ def reports(slot: Slot, before: Sequence[str]) -> list[Report]:
 
 
 def frames(
-    slot: Slot,
-    reported: Sequence[Report],
-    outbox: Outbox,
-    rail_ahead: Sequence[RailAhead] | None,
-    advice: Advice | None,
+    slot: Slot, reported: Sequence[Report], outbox: Outbox, rail_ahead: Sequence[RailAhead] | None
 ) -> list[Outgoing]:
-    """The frames of the slot; rail_ahead: of each axle, with fusion; advice: of the train, where it is due."""
+    """The frames of the slot; rail_ahead: of each axle, with fusion."""
     estimate = slot.estimate
     out: list[Outgoing] = []
     if slot.adhesion:
@@ -84,8 +78,6 @@ def frames(
         )
     if rail_ahead is not None:
         out += outbox.ahead(slot.end_us, slot.due, [t.values() for t in rail_ahead])
-    if advice is not None:
-        out += outbox.advice(slot.end_us, slot.due, advice.values())
     out += slot.status
     return out
 

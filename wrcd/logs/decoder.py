@@ -21,7 +21,7 @@ from wrcd.logs.scan import Scan, good_frames
 from wrcd.logs.story_records import AdhesionRecord, Detail, HealthRecord, Numbers, Places, Series
 
 OF_AXLE = ("adhesion", "detail", "inputs", "ahead")
-OF_DAEMON = ("status_message", "rejects_message", "link_message", "advice")
+OF_DAEMON = ("status_message", "rejects_message", "link_message")
 UNKNOWN = -1  # a word that is none of ours
 Values = NDArray[np.float64] | NDArray[np.int8]
 
@@ -133,8 +133,7 @@ def sent_messages(config: Config) -> Iterator[tuple[str, int, Output]]:
         for kind, output in zip(OF_AXLE, (axle.adhesion, axle.detail, axle.inputs, axle.ahead), strict=True):
             if output is not None:
                 yield kind, axle.number, output
-    advice = None if config.advice is None else config.advice.output
-    for kind, output in zip(OF_DAEMON, (config.status, config.rejects, config.link, advice), strict=True):
+    for kind, output in zip(OF_DAEMON, (config.status, config.rejects, config.link), strict=True):
         if output is not None:
             yield kind, 0, output
 

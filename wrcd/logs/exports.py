@@ -29,7 +29,6 @@ BLOCK_US = 10_000_000  # of the log, held in memory
 NAMES = {
     "adhesion": "Adhesion", "detail": "AdhesionDetail", "inputs": "InputHealth", "ahead": "AdhesionAhead",
     "status_message": "WrcdStatus", "rejects_message": "WrcdRejects", "link_message": "WrcdLink",
-    "advice": "AdhesionAdvice",
 }  # fmt: skip
 INPUTS = {
     Quantity.YAW_RATE: "YawRate", Quantity.LAT_ACCEL: "LatAccel", Quantity.TORQUE: "Torque", Quantity.SPEED: "Speed",

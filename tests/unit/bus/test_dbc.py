@@ -32,7 +32,6 @@ SINGLE = {
     "WrcdStatus": (0x0B0, "WRCD", 1000, 3000, 8),
     "WrcdRejects": (0x0B1, "WRCD", 1000, 3000, 8),
     "WrcdLink": (0x0B2, "WRCD", 1000, 3000, 8),
-    "AdhesionAdvice": (0x0B3, "WRCD", 200, 600, 8),
     "VehicleSpeed": (0x130, "TCU", 20, 60, 4),
 }
 AXLES = range(1, MAX_AXLES + 1)
@@ -53,15 +52,6 @@ SIGNALS = {
         "Surface": (56, 3, False, 1, None),
         "ContactState": (59, 2, False, 1, None),
         "Confidence": (61, 3, False, 1, None),
-    },
-    "AdhesionAdvice": {
-        "Validity": (12, 2, False, 1, None),
-        "Ahead": (14, 2, False, 1, None),
-        "Deceleration": (16, 8, False, 0.01, "m/s^2"),
-        "DecelerationLow": (24, 8, False, 0.01, "m/s^2"),
-        "Distance": (32, 8, False, 4, "m"),
-        "Age": (40, 8, False, 50, "ms"),
-        "Category": (48, 3, False, 1, None),
     },
 }
 
