@@ -4,8 +4,8 @@ from wrcd.bus.dbc import Database, Message, cycle_ms
 
 BIT_RATES = (250_000, 500_000, 1_000_000)
 MAX_LOAD_PCT = 80.0
-# sent with [fusion] or sanders alone, or where somebody drives the train from the bus
-OPTIONAL = ("AdhesionAhead_A", "Sand_A", "TrainPosition", "DriverLever")
+# sent with sanders alone, or where somebody drives the train from the bus
+OPTIONAL = ("Sand_A", "TrainPosition", "DriverLever")
 
 
 def bits(payload: int, stuffed: bool) -> int:

@@ -60,13 +60,9 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     "sim-ecu mark": ("tied slopes", "untied slopes", "all stops", "late films", "rails", "goals"),
     "sim-ecu score --suite worlds --beside was=lone-wheelset": ("worlds", "goals"),
     "sim-ecu score --design lone-wheelset": ("grid", "goals"),
-    "sim-ecu score --suite fusion": ("fusion",),
 }
 # Rows of the fault matrix that do as those of the yaw rate alone do.
 WHOLE_AXLE = re.compile(r"\| [^|]+ \| all of the axle \|")
-LONG_TABLE = re.compile(
-    r"^\| (?:warned before, of|false warnings of a train) \|(?:.*\n)+?\n", re.MULTILINE
-)  # of fusion
 SECTION = re.compile(r"^\*\*([\w -]+)\*\*: ", re.MULTILINE)
 BLOCK = re.compile(r"^<!-- (command|made): (.+?) -->\n(.*?)^<!-- end -->$", re.MULTILINE | re.DOTALL)
 MAX_OF_A_FAMILY = 4  # figures of a kind whose names begin alike: more of them are one row
@@ -128,7 +124,6 @@ def short(command: str, output: str) -> str:
     matrix the rows of single signals."""
     if command == "sim-ecu faults":
         return "".join(line for line in output.splitlines(keepends=True) if not WHOLE_AXLE.match(line))
-    output = LONG_TABLE.sub("", output)
     begins = [m.start() for m in SECTION.finditer(output)]
     parts = [output[a:b] for a, b in zip([0, *begins], [*begins, len(output)], strict=True)]
     kept = (part for part in parts[1:] if SECTION.match(part)[1] in SECTIONS[command])  # type: ignore[index]

@@ -12,7 +12,6 @@ from wrcd.bus.units import Quantity
 from wrcd.config import declared
 from wrcd.config.configured_train import all_statements, read_train
 from wrcd.config.ended_keys import take_out
-from wrcd.config.fusion import read_positions, untold
 from wrcd.config.input_mapping import STALE_TICKS
 from wrcd.config.keys import KeyOf, names
 from wrcd.config.outputs import STATUS_MESSAGES, usual_messages
@@ -90,12 +89,10 @@ def input_mappings(path: Path | None) -> list[Statement]:
     return all_statements(list(top.sections("axle")), top.section("vehicle"))
 
 
-def load_packaged(axles: int, positions_m: Sequence[float] | None = None, design: str | None = None) -> Config:
-    """The default configuration, but of so many axles; with their positions (m), with fusion along the vehicle,
-    which then runs one way; with a packaged design instead of the default one."""
-    fusion = "" if positions_m is None else f"[fusion]\npositions_m = {list(positions_m)}\none_way = true\n"
+def load_packaged(axles: int, design: str | None = None) -> Config:
+    """The default configuration, but of so many axles; with a packaged design instead of the default one."""
     estimator = "" if design is None else f'[estimator]\ndesign = "{design}"\n'
-    top = parse_toml(packaged(axles) + fusion + estimator, "default configuration", collect=True)
+    top = parse_toml(packaged(axles) + estimator, "default configuration", collect=True)
     return _config(top, Path(), load_dbc, load_design)
 
 
@@ -143,7 +140,6 @@ def _config(
     stamps = declared.TIMESTAMPS.value(bus)
     min_speed, total = declared.MIN_SPEED.value(limits), declared.TORQUE_IS_TOTAL.read(vehicle)
     recorder = _recorder(top.section("recorder"), folder)
-    positions = read_positions(top, train.axles, design)
     for name, section in (
         ("bus", bus),
         ("dbc", dbc),
@@ -178,8 +174,7 @@ def _config(
         constant_speed_m_s=constant,
         torque_is_total=total,
         recorder=recorder,
-        positions_m=positions,
-        warnings=(*ended, *database.warnings, *train.warnings, *untold(positions, train.axles)),
+        warnings=(*ended, *database.warnings, *train.warnings),
     )
 
 

@@ -14,7 +14,7 @@ from wrcd.config import declared
 from wrcd.config.input_mapping import check_pace, resolve
 from wrcd.config.keys import names
 from wrcd.config.outputs import STATUS_KEYS, STATUS_MESSAGES, output, usual_messages
-from wrcd.config.section import TO_FILL_IN, Section
+from wrcd.config.section import Section
 from wrcd.config.statements import (
     AXLE_QUANTITIES,
     TORQUES,
@@ -29,8 +29,7 @@ from wrcd.config.status_rules import status_rules
 from wrcd.core.configuration import MAX_AXLES, AxleConfig, Input
 from wrcd.estimator.design import Design
 
-AHEAD = "ahead"
-AXLE_OUTPUTS = ("adhesion", "detail", "inputs", AHEAD)
+AXLE_OUTPUTS = ("adhesion", "detail", "inputs")
 
 
 class ConfiguredTrain:
@@ -72,9 +71,6 @@ def read_train(top: Section, vehicle: Section, database: Database | None, design
     for table in tables:
         number = _number(table, numbers)
         usual = ("",) * len(AXLE_OUTPUTS) if number is None else usual_messages(number)
-        if "fusion" not in top:
-            usual = (*usual[:-1], "")  # nobody asks what lies ahead
-            _check_no_ahead(top, table)
         found = [output(table, kind, known, name, tick_ms) for kind, name in zip(AXLE_OUTPUTS, usual, strict=True)]
         sent += [
             (table.place(kind, declared.MESSAGE.name), o)
@@ -94,13 +90,6 @@ def read_train(top: Section, vehicle: Section, database: Database | None, design
         mapped = _resolved(top, stated, database, design, train)
         check_jobs(mapped, sent, database)
     return train
-
-
-def _check_no_ahead(top: Section, table: Section) -> None:
-    """What lies ahead is reported with fusion alone. A mistake is collected."""
-    if AHEAD in table:
-        hint = f"leave the message out, or {top.section('fusion').line(positions_m=[TO_FILL_IN])}"
-        table.refuse("needs [fusion]: nothing would be told in it", AHEAD, hint)
 
 
 def _number(table: Section, numbers: set[int]) -> int | None:

@@ -14,15 +14,14 @@ from wrcd.core.vocabulary import MESSAGES, Numeric, Words, snake
 
 NEEDS: Mapping[str, tuple[str, ...]] = {"adhesion": ("Validity", "MuAvailable")}
 ADHESION_MS, DETAIL_MS, STATUS_MS = 20, 100, 1000  # cycles where nobody says one
-CYCLES_MS = {"adhesion": ADHESION_MS, "detail": DETAIL_MS, "inputs": DETAIL_MS, "ahead": ADHESION_MS}
+CYCLES_MS = {"adhesion": ADHESION_MS, "detail": DETAIL_MS, "inputs": DETAIL_MS}
 STATUS_MESSAGES = ("WrcdStatus", "WrcdRejects", "WrcdLink")
 STATUS_KEYS = ("status_message", "rejects_message", "link_message")
 
 
-def usual_messages(number: int) -> tuple[str, str, str, str]:
-    """Names of what is sent for an axle unless the configuration names others: adhesion, detail, inputs and, with
-    fusion, what lies ahead."""
-    return f"Adhesion_A{number}", f"AdhesionDetail_A{number}", f"InputHealth_A{number}", f"AdhesionAhead_A{number}"
+def usual_messages(number: int) -> tuple[str, str, str]:
+    """Names of what is sent for an axle unless the configuration names others: adhesion, detail and inputs."""
+    return f"Adhesion_A{number}", f"AdhesionDetail_A{number}", f"InputHealth_A{number}"
 
 
 def output(section: Section, kind: str, database: Database | None, usual: str, tick_ms: float) -> Output | None:
@@ -163,7 +162,6 @@ UNITS = {
     "%": {"%": 1.0, "percent": 1.0, "pct": 1.0, "1": 100.0},
     "ms": {"ms": 1.0, "s": 1000.0},
     "dB": {"db": 1.0},
-    "m": {"m": 1.0},
     "": {"": 1.0, "1": 1.0},
 }
 # A word of a value table that says that there is no value; letters and digits only.

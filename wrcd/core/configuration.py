@@ -19,7 +19,6 @@ class AxleConfig:
     adhesion: Output
     detail: Output | None
     inputs: Output | None
-    ahead: Output | None = None  # with fusion alone
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,5 +67,4 @@ class Config:
     constant_speed_m_s: float | None
     torque_is_total: bool
     recorder: RecorderConfig
-    positions_m: tuple[float, ...] | None = None  # of the axles along the train, forward positive; None: no fusion
     warnings: tuple[str, ...] = ()  # what is odd, but bearable

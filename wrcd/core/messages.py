@@ -165,22 +165,21 @@ class Outbox:
         self._adhesion = [writer(a.adhesion) for a in config.axles]
         self._detail = [writer(a.detail) for a in config.axles]
         self._inputs = [writer(a.inputs) for a in config.axles]
-        self._ahead = [writer(a.ahead) for a in config.axles]
         self._status, self._rejects, self._link = map(writer, (config.status, config.rejects, config.link))
         own = (self._status, self._rejects, self._link)
-        every = (*self._adhesion, *self._detail, *self._inputs, *self._ahead, *own)
+        every = (*self._adhesion, *self._detail, *self._inputs, *own)
         self.cycles_us = tuple(sorted({w.cycle_us for w in every if w}))
         self._rejected_before = Counter()
 
     @property
     def of_axles(self) -> Mapping[str, Sequence[Writer | None]]:
-        """What is sent of each axle, by its key in the vocabulary, in a slot's order; without what lies ahead."""
+        """What is sent of each axle, by its key in the vocabulary, in a slot's order."""
         return {"adhesion": self._adhesion, "detail": self._detail, "inputs": self._inputs}
 
     @property
     def others(self) -> Sequence[Writer]:
         """All else that is sent."""
-        return [w for w in (*self._ahead, self._status, self._rejects, self._link) if w]
+        return [w for w in (self._status, self._rejects, self._link) if w]
 
     def adhesion_due(self, due: Sequence[int]) -> tuple[int, ...]:
         """The axles (places) whose adhesion is due with these cycles."""
@@ -189,10 +188,6 @@ class Outbox:
     def detail_due(self, due: Sequence[int]) -> bool:
         """Whether any frame is that explains it."""
         return any(w and w.cycle_us in due for w in (*self._detail, *self._inputs))
-
-    def ahead_due(self, due: Sequence[int]) -> bool:
-        """Whether any frame is that tells what lies ahead."""
-        return any(w and w.cycle_us in due for w in self._ahead)
 
     def inputs_cycle_us(self, axle: int) -> int:
         """How often it is reported what came of an axle's inputs; 0: never."""
@@ -218,10 +213,6 @@ class Outbox:
         """Why an axle's adhesion is what it is, and what came of its inputs."""
         yield from _frames(self._detail, end_us, due, explained)
         yield from _frames(self._inputs, end_us, due, inputs)
-
-    def ahead(self, end_us: int, due: Sequence[int], values: Sequence[Mapping[str, Value]]) -> Iterator[Outgoing]:
-        """What lies ahead of each axle."""
-        yield from _frames(self._ahead, end_us, due, values)
 
     def status(
         self, end_us: int, due: Sequence[int], counts: Counts, health: Health, outliers: int

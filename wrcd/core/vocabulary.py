@@ -54,10 +54,8 @@ def _count(modulo: int) -> Numeric:
 
 
 VALID, DEGRADED, NOT_AVAILABLE = Validity.VALID.value, Validity.DEGRADED.value, Validity.NOT_AVAILABLE.value
-DROP_AHEAD = "DropAhead"  # of a Valid axle: it goes towards less adhesion than it has
 _CLASSES = tuple(name for _, name in SURFACES)
 _LEVELS = tuple(name for _, name in CONFIDENCES)
-_WARNINGS = (NOT_AVAILABLE, "Ahead", "Entering", "OnIt")
 _REASONS = ("None", *(r.label for r in Reason))
 _INPUTS = ("YawRate", "LatAccel", "Torque", "Speed")
 _PERCENT = Numeric(0, 50, 1.0, "%", absent=True, limits=(0, 100))
@@ -84,8 +82,7 @@ MESSAGES: Mapping[str, Mapping[str, Numeric | Words]] = {
         **{f"Stale{name}": _BIT for name in _INPUTS},
         "DominantRule": Numeric(0, 254, exact=True, absent=True, limits=(0, 254)),
         **{f"Residual{m}": _LEVEL for m in range(1, 5)},
-        # the extra word is none of not being Valid: a field without it says None in its place
-        "Cause": Words(tuple(c.label for c in Cause), (DROP_AHEAD,)),
+        "Cause": Words(tuple(c.label for c in Cause)),
     },
     "inputs": {
         "Plausibility": Words(("Unknown", "Consistent", "Saturated", "Contradiction")),
@@ -93,16 +90,6 @@ MESSAGES: Mapping[str, Mapping[str, Numeric | Words]] = {
         "Unchanged": _BIT,
         **{f"Reach{name}": _BITS for name in _INPUTS},
         **{f"Refused{name}": Words(_REASONS) for name in _INPUTS},
-    },
-    "ahead": {
-        "State": Words(
-            (NOT_AVAILABLE, "NothingSeen", "Ahead", "Entering", "OnIt"), (), _nothing("NothingSeen", _WARNINGS)
-        ),
-        "Evidence": Words(("None", "Suspected", "Confirmed"), (), (("Confirmed", "Suspected"),)),
-        "SeenBy": Numeric(0, 8, exact=True),
-        "MuAhead": Numeric(0, 50, 1.0, "%", absent=True, round_down=True, limits=(0, 100)),
-        "Distance": Numeric(0, 100, 0.5, "m", absent=True, limits=(0, 400)),
-        "Age": Numeric(0, 4000, 20.0, "ms", absent=True, limits=(0, 4000)),
     },
     "status_message": {
         "State": Words(("Running", "LinkDown", "Stopping")),

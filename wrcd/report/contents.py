@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from wrcd.bus.frame import id_text
-from wrcd.config.describe import order
 from wrcd.core.causes import Validity
 from wrcd.logs.log_comparison import compare
 from wrcd.logs.story_events import VALID_PLACE
@@ -211,10 +210,9 @@ def configuration(story: Story) -> Mapping[str, Any]:
         ("slower than this there is no estimate", f"{c.min_speed_m_s:g} m/s"),
         ("NotAvailable after", f"{c.not_available_after_us / 1e3:g} ms"),
         ("torque is total", "yes" if c.torque_is_total else "no"),
-        *([("fusion", order(c))] if c.positions_m is not None else []),
     ]  # fmt: skip
     for a in c.axles:
-        messages = [o.message for o in (a.adhesion, a.detail, a.inputs, a.ahead) if o is not None]
+        messages = [o.message for o in (a.adhesion, a.detail, a.inputs) if o is not None]
         rows.append((f"axle {a.number}", ", ".join(messages)))
     for i in c.inputs:
         signal = f"{i.source.message}.{i.source.signal}, stale after {i.timeout_us / 1e3:g} ms"

@@ -115,7 +115,6 @@ RIG_CASES = [
     ("contact never.csv", 2),
     ("score --jobs 0", 2),
     ("score --quick --design never.json", 3),
-    ("score --quick --suite fusion --design nowhere", 2),
     ("score --quick --beside a=nowhere", 2),
     ("loop --jobs 0", 2),
     ("driver dry -i virtual -c driver-status --for 0.1", 0),

@@ -13,9 +13,10 @@ from wrcd.cli.main import main
 from wrcd.config.config import DEFAULT, load_config
 from wrcd.config.ended_keys import ENDED
 from wrcd.core.configuration import Config
-from wrcd.errors import InputError
+from wrcd.errors import InputError, InputErrors
 
 ADVICE = "[advice]\nlow_from_m_s2 = 0.5\n"
+FUSION = "[fusion]\npositions_m = [0.0, -2.5, -19, -21.5]\none_way = true\n"
 
 
 def load(folder: Path, text: str, like: Config) -> Config:
@@ -25,22 +26,48 @@ def load(folder: Path, text: str, like: Config) -> Config:
     return load_config(file, lambda *_, **__: like.database, lambda _: like.design)
 
 
+LINES = DEFAULT.count("\n")
+
+
 @pytest.mark.parametrize(
-    ("text", "key", "line"),
+    ("text", "path", "key", "line"),
     [
-        (DEFAULT + ADVICE, "advice", DEFAULT.count("\n") + 1),
-        (DEFAULT + "[[advice]]\n[advice.message]\nno_such_key = []\n", "advice", DEFAULT.count("\n") + 1),
-        ("advice = 3" + DEFAULT, "advice", 1),
+        (DEFAULT + ADVICE, ("advice",), "advice", LINES + 1),
+        (DEFAULT + "[[advice]]\n[advice.message]\nno_such_key = []\n", ("advice",), "advice", LINES + 1),
+        ("advice = 3" + DEFAULT, ("advice",), "advice", 1),
+        (DEFAULT + FUSION, ("fusion",), "fusion", LINES + 1),
+        (DEFAULT + "[fusion]\npositions_m = 3\nlength = {}\n", ("fusion",), "fusion", LINES + 1),
+        (DEFAULT + 'ahead = "AdhesionAhead_A4"\n', ("axle", "ahead"), "axle[4].ahead", LINES + 1),
+        (DEFAULT + "ahead = { message = 7, state = [] }\n", ("axle", "ahead"), "axle[4].ahead", LINES + 1),
+        (
+            DEFAULT + 'detail = { message = "AdhesionDetail_A4", cause = { signal = "Cause", drop_ahead = 31 } }\n',
+            ("axle", "detail", "cause", "drop_ahead"),
+            "axle[4].detail.cause.drop_ahead",
+            LINES + 1,
+        ),
     ],
 )
 def test_configuration_with_an_ended_key_is_the_one_without_it_and_a_warning(
-    tmp_path: Path, config: Config, text: str, key: str, line: int
+    tmp_path: Path, config: Config, text: str, path: tuple[str, ...], key: str, line: int
 ) -> None:
     plain, found = (load(tmp_path, t, config) for t in (DEFAULT, text))
     (warning,) = set(found.warnings) - set(plain.warnings)
     assert warning.startswith(f"{tmp_path / 'train.toml'}:{line}: {key}: ")
-    assert warning.endswith(ENDED[(key,)])
+    assert warning.endswith(ENDED[path])
     assert replace(found, warnings=plain.warnings) == plain
+
+
+def test_each_ended_key_is_warned_of(tmp_path: Path, config: Config) -> None:
+    found = load(tmp_path, DEFAULT + 'ahead = "X"\n' + ADVICE + FUSION, config)
+    keys = [key for w in found.warnings for key in ("axle[4].ahead: ", ": advice: ", ": fusion: ") if key in w]
+    assert sorted(keys) == [": advice: ", ": fusion: ", "axle[4].ahead: "]
+
+
+@pytest.mark.parametrize("axle", ["axle = 3\n", "axle = [3]\n", "[axle]\nahead = 3\n"])
+def test_mistake_where_an_ended_key_may_stand_is_told_as_without_one(tmp_path: Path, config: Config, axle: str) -> None:
+    with pytest.raises(InputErrors) as refused:
+        load(tmp_path, axle, config)
+    assert any(e.key.startswith("axle") and e.line == 1 for e in refused.value.errors)
 
 
 def test_ended_key_is_no_key_that_a_mistyped_one_may_mean(tmp_path: Path, config: Config) -> None:
