@@ -11,9 +11,7 @@ from wrcd.resources import DEFAULT_DESIGN
 
 
 def _add(p: argparse.ArgumentParser) -> None:
-    p.add_argument(
-        "--suite", choices=SUITES, help="only this one",
-    )  # fmt: skip
+    p.add_argument("--suite", choices=SUITES, help="only this one")
     p.add_argument(
         "--quick", action="store_true", help="a twelfth of the runs, too few to judge most goals: one to two minutes"
     )

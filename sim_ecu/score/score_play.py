@@ -18,11 +18,10 @@ from sim_ecu.score.baselines import Baseline, GivenTicks
 from sim_ecu.score.suites.run import Run
 from wrcd.bus.batch import FrameBatch
 from wrcd.bus.frame import Frame
-from wrcd.core.causes import Cause
 from wrcd.core.configuration import MAX_AXLES, Config
 from wrcd.core.core import Core, Observer
 from wrcd.core.messages import Outgoing
-from wrcd.core.vocabulary import CONFIDENCES, DROP_AHEAD, MESSAGES, Words
+from wrcd.core.vocabulary import CONFIDENCES, MESSAGES, Words
 from wrcd.estimator.design import Design
 from wrcd.estimator.records import Estimate, StepResult, Tick
 from wrcd.logs.decoder import UNKNOWN, MessageDecoder, Values, decoders
@@ -48,7 +47,7 @@ class MessageFrames:
         of = MESSAGES[self.decoder.kind][signal]
         assert isinstance(of, Words)
         places = self._values.get(signal, np.full(len(self.data), UNKNOWN, np.int8))
-        return np.array([*of.words, *of.extra, ""])[places.astype(np.int8)]
+        return np.array([*of.words, ""])[places.astype(np.int8)]
 
     @cached_property
     def _values(self) -> Mapping[str, Values]:
@@ -57,15 +56,15 @@ class MessageFrames:
 
 
 class TrainFrames:
-    """Keeps the frames of a train's axles as someone on the bus receives them: adhesion, its detail and what lies ahead
-    where the configuration sends them, and the truth. Times are microseconds from the start."""
+    """Keeps the frames of a train's axles as someone on the bus receives them: adhesion and its detail where the
+    configuration sends it, and the truth. Times are microseconds from the start."""
 
     def __init__(self, numbers: Iterable[int], config: Config) -> None:
         numbers, truth = list(numbers), databases()[1].get_message_by_name
         self.truth = {n: MessageFrames(MessageDecoder(truth(f"SimTruth_A{n}"))) for n in numbers}
-        sent = {(d.kind, d.axle): MessageFrames(d) for d in decoders(config, extra=True) if d.axle in numbers}
-        self.adhesion, self.detail, self.ahead = (
-            {n: sent[kind, n] for n in numbers if (kind, n) in sent} for kind in ("adhesion", "detail", "ahead")
+        sent = {(d.kind, d.axle): MessageFrames(d) for d in decoders(config) if d.axle in numbers}
+        self.adhesion, self.detail = (
+            {n: sent[kind, n] for n in numbers if (kind, n) in sent} for kind in ("adhesion", "detail")
         )
         self._by_id = {h.decoder.message.frame_id: h for h in (*sent.values(), *self.truth.values())}
 
@@ -224,11 +223,8 @@ def newest(frames: MessageFrames, signal: str, at_us: NDArray[np.int64]) -> NDAr
 
 
 def _cause(detail: MessageFrames | None, at_us: NDArray[np.int64]) -> NDArray[np.str_]:
-    """Why each adhesion frame is not Valid. A drop ahead is no reason: it is of a Valid frame that came before."""
-    if detail is None:
-        return np.full(len(at_us), "")
-    cause = newest(detail, "Cause", at_us)
-    return np.where(cause == DROP_AHEAD, Cause.NONE.label, cause)
+    """Why each adhesion frame is not Valid."""
+    return np.full(len(at_us), "") if detail is None else newest(detail, "Cause", at_us)
 
 
 def _trace(run: Run, place: int, kept: TrainFrames, half_widths: dict[int, FloatArray]) -> Trace:

@@ -42,8 +42,6 @@ def value(key: keys.Key) -> dict[str, Any]:
             return {"type": "boolean"}
         case keys.Interval():
             return {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
-        case keys.NumberList():
-            return {"type": "array", "items": {"type": "number"}, "minItems": 1}
         case keys.RawValue():
             return dict(RAW)
         case keys.RawValues():

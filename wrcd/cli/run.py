@@ -76,6 +76,8 @@ def _run(args: argparse.Namespace) -> int:
         f"{link.name}, axles {', '.join(str(a.number) for a in config.axles)}, design {config.design.name} "
         f"{config.design.checksum[:12]}"
     )
+    for warning in config.warnings:
+        log_line(f"warning: {warning}")
     if (slow := native.slow()) is not None:
         log_line(slow)
     if args.lock_memory and (reason := lock()):

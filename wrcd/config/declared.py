@@ -12,7 +12,6 @@ from wrcd.config.keys import (
     Interval,
     Key,
     Number,
-    NumberList,
     RawValue,
     RawValues,
     Sign,
@@ -22,7 +21,7 @@ from wrcd.config.keys import (
     Whole,
 )
 from wrcd.core.configuration import MAX_AXLES
-from wrcd.core.vocabulary import CATEGORIES, CATEGORY_LIMITS, MESSAGES, Numeric, Words, snake
+from wrcd.core.vocabulary import MESSAGES, Numeric, Words, snake
 from wrcd.resources import DEFAULT_DESIGN
 
 # The names under which python-can opens a bus; a test compares them with its own list.
@@ -66,18 +65,6 @@ CONSTANT_SPEED = Number(
 )
 TORQUE_IS_TOTAL = Flag("torque_is_total", "false: friction brakes act beside the torque on the bus", True, reload=True)
 NUMBER = Whole("number", "each once", 1, MAX_AXLES, needed=True)
-POSITIONS = NumberList(
-    "positions_m",
-    "where each axle stands along the train, in m, forward positive, in the order of the `[[axle]]` tables; with it, "
-    "a drop that a leading axle meets is told for those behind",
-    needed=True,
-)
-ONE_WAY = Flag(
-    "one_way",
-    "true: the train never runs in reverse, the foremost axle always leads; needed unless `vehicle.direction` is "
-    "mapped, which then decides",
-    False,
-)
 FOLDER = Text("folder", "where dumps go; default: systemd's `$STATE_DIRECTORY`, else none")
 SECONDS = Number("seconds", "how much is kept in memory; 0 is off", 0.0, 600.0, 60.0)
 MAX_FILES = Whole("max_files", "dumps in the folder", 1, 10_000, 20, reload=True)
@@ -182,25 +169,6 @@ AXLE: tuple[Key, ...] = (
     _output("adhesion", "the message to send, here of axle 1; it needs Validity and MuAvailable", "Adhesion_A1"),
     _output("detail", "the message to send as AdhesionDetail; default: AdhesionDetail_A*a*, where the DBC has it"),
     _output("inputs", "the same of InputHealth_A*a*"),
-    _output("ahead", "the message to send as AdhesionAhead; default: AdhesionAhead_A*a*; it needs `[fusion]`"),
-)
-ADVICE_MESSAGE = Sub(
-    "message",
-    "the message to send as AdhesionAdvice; it needs Validity and DecelerationLow",
-    "advice",
-    MESSAGE.name,
-    default="AdhesionAdvice",
-)
-# One for each category but the last, the best first.
-CATEGORY_KEYS = tuple(
-    Number(
-        f"{snake(name)}_from_m_s2",
-        f"{name} holds from this lower end of the deceleration on; below, {worse}",
-        0.01,
-        2.5,
-        limit,
-    )
-    for (name, limit), worse in zip(CATEGORY_LIMITS, CATEGORIES[1:], strict=True)
 )
 # By the path of a table's keys; those of inputs and of fields that are sent are named by what they carry.
 TABLES: Mapping[str, tuple[Key, ...]] = {
@@ -210,8 +178,6 @@ TABLES: Mapping[str, tuple[Key, ...]] = {
     "vehicle": VEHICLE,
     "limits": (MIN_SPEED, NOT_AVAILABLE_AFTER, CONSTANT_SPEED),
     "axle": AXLE,
-    "fusion": (POSITIONS, ONE_WAY),
-    "advice": (ADVICE_MESSAGE, *CATEGORY_KEYS),
     "recorder": (FOLDER, SECONDS, MAX_FILES, MAX_MB),
 }
 INPUTS: Mapping[str, tuple[Key, ...]] = {

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from typing import Any, Generic, TypeAlias, TypeVar
 
 from wrcd.config.packaged_designs import design_path
-from wrcd.config.section import TO_FILL_IN, Section, shown, suggest
+from wrcd.config.section import Section, shown, suggest
 from wrcd.errors import InputError
 
 MESSAGE_SIGNAL = r"^[^.]+\.[^.]+$"
@@ -191,24 +191,6 @@ class Interval(KeyOf[tuple[float, float]]):
         if isinstance(value, list) and len(value) == 2 and all(_finite(x) for x in value) and value[0] < value[1]:
             return float(value[0]), float(value[1])
         return self.refuse(section, f"takes two numbers, the lower one first, not {shown(value)}")
-
-
-class NumberList(KeyOf[tuple[float, ...]]):
-    """Finite numbers, one for each of several things."""
-
-    takes = "list of numbers"
-
-    def read(self, section: Section) -> tuple[float, ...] | None:
-        """The numbers. Raises InputError where they are needed and missing."""
-        if self.needed and self.name not in section:
-            raise section.absent(self.name, f"it takes a {self.takes}", [TO_FILL_IN])
-        value = section.raw(self.name)
-        if value is None:
-            return None
-        if isinstance(value, list) and all(_finite(x) for x in value):
-            return tuple(float(x) for x in value)
-        section.refuse(f"takes a {self.takes}, not {shown(value)}", self.name)
-        return None
 
 
 class RawValue(KeyOf[int | str]):

@@ -279,11 +279,6 @@ class Inputs:
     def speed_m_s(self, speed_m_s: float) -> None:
         self._value[self._speed_place] = speed_m_s
 
-    @property
-    def reverse(self) -> bool:
-        """Whether an axle runs backwards."""
-        return self._reverse
-
     def age_ms(self, axle: int, end_us: int) -> int:
         """Age of the oldest of gyro, acceleration, torque (the friction brakes' is part of it) and speed, up to 255."""
         used_us, stamps = self._jitter_buffer.used_us, self._stamp_us

@@ -121,6 +121,7 @@ class ReplayRun:
         )
 
     def _warnings(self, found: Survey) -> Iterator[str]:
+        yield from self._core.config.warnings
         yield from self._reader.warnings
         if self._saved is not None and self._reader.damage.read != self._saved.lines:
             yield (

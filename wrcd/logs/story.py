@@ -186,7 +186,7 @@ def gather(
         log, found.channel, SENT if estimated is None else ESTIMATED, found.begin_us, found.end_us, tuple(axles), speed,
         distance(speed), torque, status, rejects, link,
         statistics.bus(found, config, databases, truth_keys, own.keys, wrong, bit_rate), (), (), tuple(warnings),
-        config, _versions(config), found.whole, found.clock_steps, own.series(sent, "advice"),
+        config, _versions(config), found.whole, found.clock_steps,
     )  # fmt: skip
     return verdict.judged(story_events.with_falls(story))
 

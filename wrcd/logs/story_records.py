@@ -250,7 +250,6 @@ class Story:
     versions: Mapping[str, str] = field(default_factory=dict)  # wrcd, design and its checksum, Python, libraries
     whole: bool = True  # all of the log could be read
     clock_steps: tuple[ClockStep, ...] = ()
-    advice: Series | None = None  # of the train, as the vocabulary has it
 
     def axle(self, number: int) -> StoryAxle:
         """Return an axle by its number. Raises InputError for one that the log has not."""

@@ -29,8 +29,7 @@ NAMES = {
     "interface": "bus.interface", "channel": "bus.channel", "hardware_stamps": "bus.timestamps",
     "dbc_file": "dbc.file", "design_file": "estimator.design",
     "axles": "axle", "inputs": "mapped signals", "data_ids": "mapped signals", "status": "vehicle.status_message",
-    "rejects": "vehicle.rejects_message", "link": "vehicle.link_message", "positions_m": "fusion.positions_m",
-    "advice": "advice",
+    "rejects": "vehicle.rejects_message", "link": "vehicle.link_message",
 }  # fmt: skip
 # the same before and after, or of no consequence; the recorder is looked at part by part
 HELD = {"file", "database", "design", "recorder", "warnings"}

@@ -14,7 +14,6 @@ from wrcd.bus.reasons import Reason
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import MAX_AXLES
 from wrcd.core.counts import State
-from wrcd.core.vocabulary import DROP_AHEAD
 from wrcd.estimator.estimator import Estimator
 from wrcd.estimator.native_estimator import CompiledEstimator
 
@@ -22,7 +21,6 @@ ROOT = Path(__file__).parents[3]
 MESSAGES = {
     "Adhesion_A{a}": (0x090, "WRCD", 20, 60, 8),
     "AdhesionDetail_A{a}": (0x0A0, "WRCD", 100, 300, 8),
-    "AdhesionAhead_A{a}": (0x0C0, "WRCD", 20, 60, 8),
     "InputHealth_A{a}": (0x0A8, "WRCD", 100, 300, 8),
     "YawRate_A{a}": (0x100, "IMU", 5, 15, 5),
     "LatAccel_A{a}": (0x110, "IMU", 5, 15, 5),
@@ -32,7 +30,6 @@ SINGLE = {
     "WrcdStatus": (0x0B0, "WRCD", 1000, 3000, 8),
     "WrcdRejects": (0x0B1, "WRCD", 1000, 3000, 8),
     "WrcdLink": (0x0B2, "WRCD", 1000, 3000, 8),
-    "AdhesionAdvice": (0x0B3, "WRCD", 200, 600, 8),
     "VehicleSpeed": (0x130, "TCU", 20, 60, 4),
 }
 AXLES = range(1, MAX_AXLES + 1)
@@ -53,15 +50,6 @@ SIGNALS = {
         "Surface": (56, 3, False, 1, None),
         "ContactState": (59, 2, False, 1, None),
         "Confidence": (61, 3, False, 1, None),
-    },
-    "AdhesionAdvice": {
-        "Validity": (12, 2, False, 1, None),
-        "Ahead": (14, 2, False, 1, None),
-        "Deceleration": (16, 8, False, 0.01, "m/s^2"),
-        "DecelerationLow": (24, 8, False, 0.01, "m/s^2"),
-        "Distance": (32, 8, False, 4, "m"),
-        "Age": (40, 8, False, 50, "ms"),
-        "Category": (48, 3, False, 1, None),
     },
 }
 
@@ -93,6 +81,13 @@ def test_signals_have_position_scale_and_unit(production: Database, name: str) -
         if s.name not in ("Crc", "Counter")
     }
     assert signals == SIGNALS[name]
+
+
+def test_ids_of_ended_messages_are_not_used_again(production: Database) -> None:
+    ended = {0x0B3, *range(0x0C1, 0x0C9)}
+    messages = [*production.messages, *load("sim_ecu.dbc").messages]
+    assert ended.isdisjoint(m.frame_id for m in messages)
+    assert ended.isdisjoint(attribute(m, "E2EDataId") for m in messages)
 
 
 def test_no_two_messages_share_an_id_or_a_data_id(production: Database) -> None:
@@ -210,9 +205,9 @@ def test_every_cause_has_a_label_and_residuals_keep_their_range(production: Data
     for a in AXLES:
         m = production.get_message_by_name(f"AdhesionDetail_A{a}")
         cause = m.get_signal_by_name("Cause")
-        labels = {int(c): c.label for c in Cause} | {31: DROP_AHEAD}  # the highest: causes come after one another
+        labels = {int(c): c.label for c in Cause}
         assert {int(k): str(v) for k, v in (cause.choices or {}).items()} == labels
-        assert max(labels) < 1 << cause.length
+        assert max(labels) < 31 < 1 << cause.length  # 31 had a meaning in earlier versions
         for k in range(1, 5):
             s = m.get_signal_by_name(f"Residual{k}")
             assert (s.length, s.scale, s.minimum, s.maximum) == (8, 0.4, -70, 31.6)

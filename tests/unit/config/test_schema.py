@@ -4,7 +4,6 @@ import copy
 import json
 from collections.abc import Iterator
 from importlib.resources import files
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -31,8 +30,6 @@ WHOLE: dict[str, Any] = {
     "estimator": {"design": "d.json"},
     "wheelset": {"name": "multiple-unit"},
     "limits": {"min_speed_m_s": 4, "not_available_after_ms": 90.5},
-    "fusion": {"positions_m": [-2.5], "one_way": True},
-    "advice": {"message": {"message": "Y", "cycle_ms": 200}, "dry_from_m_s2": 1.6},
     "recorder": {"folder": "f", "seconds": 30, "max_files": 3, "max_mb": 10},
     "vehicle": {
         "speed": {"signal": "B.V", "timeout_ms": 60},
@@ -115,26 +112,10 @@ def changed(document: dict[str, Any], path: tuple[str | int, ...], value: Any) -
 
 
 def beyond_a_schema(document: dict[str, Any]) -> bool:
-    """Two numbers of which the second is not the greater one, a number given twice, a signal mapped twice, places of
-    more axles than there are, fusion that knows neither which axle leads nor how far the train comes, categories that
-    do not fall."""
+    """Two numbers of which the second is not the greater one, a number given twice, a signal mapped twice."""
     text = json.dumps(document)
     ranges = [at(document, p) for p in places(document) if p[-1] == "range"]
     signals = [s for s in ("A.B", "E.F", "C.D") if text.count(f'"{s}"') > 1]
-    fusion = document.get("fusion")
-    stand = fusion.get("positions_m") if isinstance(fusion, dict) else None
-    if isinstance(stand, list) and len(stand) > len(WHOLE["axle"]):
-        return True
-    if isinstance(fusion, dict) and not fusion.get("one_way") and "direction" not in document.get("vehicle", {}):
-        return True
-    advice = document.get("advice")
-    if isinstance(advice, dict):
-        begins: list[Any] = [advice.get(key.name, key.default) for key in declared.CATEGORY_KEYS]
-        if all(type(x) in (int, float) for x in begins) and any(a <= b for a, b in pairwise(begins)):
-            return True
-    limits = document.get("limits")
-    if isinstance(fusion, dict) and isinstance(limits, dict) and "constant_speed_m_s" in limits:
-        return True
     return bool(signals) or any(
         isinstance(r, list) and len(r) == 2 and all(type(x) in (int, float) for x in r) and r[0] >= r[1] for r in ranges
     )
