@@ -8,10 +8,10 @@
 # make docs   prints what the pages quote from the program again, and builds their site into build/site; make docs-all score and fault matrix too, most of an hour
 # make vcan -- COMMAND  COMMAND where there is a vcan0: on this kernel, or in a throw-away one; without COMMAND a shell
 # make fuzz   property tests with EXAMPLES (10^5) examples each, and a million corrupted frames; hours
-# make soak   HOURS (24) on the virtual clock in one core: nothing grows, drifts or is lost; an eighth of that
+# make soak   HOURS (24) on the virtual clock in one core: nothing grows, drifts or is lost; an hour
 # make coverage  which branches of wrcd/bus, wrcd/core, wrcd/recorder and wrcd/service the tests take, those in the guest too; fails below 95 %
 # make deb    a Debian package with its libraries inside: build/deb
-# make bench  what everything costs beside its peers, against an older checkout too (BEFORE=DIR); 10 minutes, asserts nothing
+# make bench  what wrcd costs on this computer, against another checkout too (BEFORE=DIR); a minute, asserts nothing
 # make mutants   whether the tests notice changed code in validity and E2E; an hour, see tests/mutants.md
 PYTHON ?= python3
 VENV := .venv
@@ -106,7 +106,7 @@ fuzz: $(READY)
 
 HOURS ?= 24
 soak: $(READY)
-	$(BIN)/python -m tests.soak.soak --hours $(HOURS)
+	$(BIN)/python -m tests.soak --hours $(HOURS)
 
 coverage: $(READY)
 	rm -rf build/coverage
@@ -117,11 +117,9 @@ coverage: $(READY)
 	$(BIN)/coverage combine -q build/coverage build/coverage/guest
 	$(BIN)/coverage report --fail-under=95
 
-# best alone on the computer; the tables of the docs: make bench BEFORE=DIR BENCH="--markdown docs/reference/cost.md"
-BENCH ?= --json build/bench.json --markdown build/bench.md
+# best alone on the computer; the tables of docs/reference/cost.md
 bench: $(READY)
-	mkdir -p build
-	$(BIN)/python -m tests.bench $(if $(BEFORE),--before $(BEFORE)) $(BENCH)
+	$(BIN)/python -m tests.bench $(if $(BEFORE),--before $(BEFORE))
 
 # on a copy of the tree, with a tool that is kept out of the environment; what is left is explained in tests/mutants.md
 mutants: build/mutants/lib/mutmut

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.bench.workload import LENGTH_US, START_US, stretch
 from tests.corpus.logs import spoilt
+from tests.support.stretch import LENGTH_US, START_US, stretch
 from wrcd.bus.batch import FrameBatch
 from wrcd.bus.frame import Frame
 from wrcd.config.config import load_config, packaged
