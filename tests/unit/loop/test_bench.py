@@ -1,6 +1,7 @@
 """The public Python interface of the rig."""
 
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -177,34 +178,31 @@ def test_packaged_scenario_with_keys_keeps_the_rest() -> None:
 
 
 @pytest.mark.parametrize(
-    ("call", "said"),
+    ("call", "named"),
     [
-        (lambda: Bench("brake-wat"), "no scenario to drive 'brake-wat' — did you mean 'brake-wet'?"),
-        (lambda: scenario(rail="Z", demand=0.0), "keyword arguments: rail[1].curve: is 'Z', not one of A, B"),
-        (lambda: scenario(rail="A", demand=2.0), "driver.demand: takes a number from -1 to 1, not 2"),
-        (lambda: scenario(rail="A", demand=0.0, speed=3.0), "speed: unknown key"),
-        (lambda: scenario(demand=0.0), "axle 1 has no rail"),
-        (lambda: Bench(WET, controller="treshold"), "there is no controller 'treshold' — did you mean 'thresholds'?"),
-        (lambda: Bench(WET, controller="thresholds", with_adhesion=True), "with_adhesion needs a daemon"),
-        (lambda: Bench(WET, daemon=True, with_adhesion=True), "with_adhesion is of a controller by name"),
-        (lambda: Bench(WET, daemon="nowhere.toml"), "nowhere.toml: no such file"),
-        (lambda: Bench(WET).demand(2, 0.0), "there is no axle 2 — axles: 1"),
-        (lambda: Bench(WET).demand(1, float("nan")), "torque_N_m: takes a finite torque, not nan"),
-        (lambda: Bench(WET).demand(1, WRONG[0]), "torque_N_m: takes a finite torque, not None"),
-        (lambda: Bench(WET).demand(1, 0.0, WRONG[1]), "valve: takes Valve.FILL, Valve.HOLD, Valve.VENT, not 7"),
-        (lambda: Bench(WET, controller="none").demand(1, 0.0), "the attached controller demands here"),
-        (lambda: Bench(WET).run(float("nan")), "seconds: takes seconds, not nan"),
-        (lambda: Bench(WET).truth(1), "nothing is known before the first step"),
-        (lambda: Bench(WET).figures(), "there are no figures before the first step"),
-        (lambda: Bench(WET).adhesion(1), "there is no daemon — Bench(…, daemon=True)"),
-        (lambda: Bench(WET).column("torque"), "a step has no 'torque' — did you mean 'torque_N_m'?"),
+        (lambda: Bench("brake-wat"), "brake-wet"),
+        (lambda: scenario(rail="Z", demand=0.0), "rail[1].curve:"),
+        (lambda: scenario(rail="A", demand=2.0), "driver.demand:"),
+        (lambda: scenario(rail="A", demand=0.0, speed=3.0), "speed:"),
+        (lambda: Bench(WET, controller="treshold"), "thresholds"),
+        (lambda: Bench(WET, controller="thresholds", with_adhesion=True), "daemon"),
+        (lambda: Bench(WET, daemon=True, with_adhesion=True), "controller"),
+        (lambda: Bench(WET, daemon="nowhere.toml"), "nowhere.toml:"),
+        (lambda: Bench(WET).demand(2, 0.0), "axle 2"),
+        (lambda: Bench(WET).demand(1, float("nan")), "torque_N_m:"),
+        (lambda: Bench(WET).demand(1, WRONG[0]), "torque_N_m:"),
+        (lambda: Bench(WET).demand(1, 0.0, WRONG[1]), "valve:"),
+        (lambda: Bench(WET, controller="none").demand(1, 0.0), "controller"),
+        (lambda: Bench(WET).run(float("nan")), "seconds:"),
+        (lambda: Bench(WET).truth(1), "first step"),
+        (lambda: Bench(WET).adhesion(1), "daemon=True"),
+        (lambda: Bench(WET).column("torque"), "torque_N_m"),
     ],
 )
-def test_mistake_is_named(call: object, said: str) -> None:
-    assert callable(call)
+def test_mistake_is_named(call: Callable[[], object], named: str) -> None:
     with pytest.raises(InputError) as e:
         call()
-    assert said in str(e.value)
+    assert named in str(e.value)
 
 
 @pytest.mark.night
