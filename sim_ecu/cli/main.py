@@ -18,7 +18,6 @@ SIM_ECU = Program(
         "driver",
         "faults",
         "design",
-        "contact",
         "tune",
         "score",
         "figures",
