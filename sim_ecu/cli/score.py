@@ -21,10 +21,6 @@ def _add(p: argparse.ArgumentParser) -> None:
     add_jobs(p)
     add_design(p)
     p.add_argument(
-        "--baselines", type=Path, metavar="FILE",
-        help="what `sim-ecu design --baselines` made with the design (default: a packaged design's own)",
-    )  # fmt: skip
-    p.add_argument(
         "--beside", action="append", default=[], metavar="NAME=DESIGN",
         help="another design, a packaged one or a file, for the same wheelset, run on the same frames; may be repeated",
     )  # fmt: skip
@@ -42,15 +38,13 @@ def _run(args: argparse.Namespace) -> int:
     if args.suite == FUSION:
         from sim_ecu.loop.fusion.run_fusion import run as run_fusion
 
-        for key, given in (("--baselines", args.baselines), ("--beside", args.beside), ("--html", args.html)):
+        for key, given in (("--beside", args.beside), ("--html", args.html)):
             if given:
                 raise InputError("is not of the suite fusion", key=key, hint="leave it out: it compares no estimates")
         of_wheelset = design_path(args.design or LONE)
         return run_fusion(args.quick, args.jobs, of_wheelset, args.json, args.fail_on)
     design = design_path(args.design or DEFAULT_DESIGN)
-    return run(
-        args.suite, args.quick, args.jobs, design, args.baselines, args.beside, args.json, args.html, args.fail_on
-    )  # fmt: skip
+    return run(args.suite, args.quick, args.jobs, design, args.beside, args.json, args.html, args.fail_on)
 
 
 COMMAND = Subcommand(

@@ -305,7 +305,7 @@ def test_run_that_fails_is_missing_by_name(tmp_path: Path) -> None:
     assert "none.json" in missing[0].why
 
 
-@pytest.mark.parametrize("option", [["--html", "x.html"], ["--beside", "a=b"], ["--baselines", "c"]])
+@pytest.mark.parametrize("option", [["--html", "x.html"], ["--beside", "a=b"]])
 def test_suite_compares_no_estimates(option: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["score", "--suite", "fusion", *option]) == 2
     assert f"{option[0]}: is not of the suite fusion" in capsys.readouterr().err

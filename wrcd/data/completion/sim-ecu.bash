@@ -5,7 +5,7 @@
 #    source ~/.local/share/bash_completion/sim-ecu
 # See also: https://github.com/scop/bash-completion/blob/main/doc/configuration.md
 
-_shtab_sim_ecu_subparsers=(list play inject drive control driver faults design contact tune score figures loop mark fronts sand campaign compare fmu demo completion)
+_shtab_sim_ecu_subparsers=(list play inject drive control driver faults design tune score figures loop mark fronts sand campaign compare fmu demo completion)
 
 _shtab_sim_ecu_list_option_strings=(-h --help)
 _shtab_sim_ecu_play_option_strings=(-h --help -i --interface -c --channel --log --fast --config --no-truth --ahead)
@@ -14,10 +14,9 @@ _shtab_sim_ecu_drive_option_strings=(-h --help -i --interface -c --channel --log
 _shtab_sim_ecu_control_option_strings=(-h --help -i --interface -c --channel --with-adhesion --share-effort --sand --config --scenario --for)
 _shtab_sim_ecu_driver_option_strings=(-h --help -i --interface -c --channel --config --scenario --for)
 _shtab_sim_ecu_faults_option_strings=(-h --help)
-_shtab_sim_ecu_design_option_strings=(-h --help --config -o --output --form --search --budget --jobs --baselines --explain)
-_shtab_sim_ecu_contact_option_strings=(-h --help --k-a --k-s)
+_shtab_sim_ecu_design_option_strings=(-h --help --config -o --output --form --search --budget --jobs --explain)
 _shtab_sim_ecu_tune_option_strings=(-h --help --config -o --output --form --over --budget --played --seed --jobs --against)
-_shtab_sim_ecu_score_option_strings=(-h --help --suite --quick --jobs --design --baselines --beside --fail-on --json --html)
+_shtab_sim_ecu_score_option_strings=(-h --help --suite --quick --jobs --design --beside --fail-on --json --html)
 _shtab_sim_ecu_figures_option_strings=(-h --help -o --output --design --paper)
 _shtab_sim_ecu_loop_option_strings=(-h --help --suite --only --quick --seeds --jobs --fail-on --json --html)
 _shtab_sim_ecu_mark_option_strings=(-h --help --world --quick --lines --training --jobs --fail-on --json --html --png)
@@ -68,15 +67,12 @@ _shtab_sim_ecu_driver___scenario_COMPGEN=_wrcd_file_all_curves_toml
 _shtab_sim_ecu_design___config_COMPGEN=_wrcd_file_high_speed_coach_toml
 _shtab_sim_ecu_design__o_COMPGEN=_wrcd_file_any
 _shtab_sim_ecu_design___output_COMPGEN=_wrcd_file_any
-_shtab_sim_ecu_design___baselines_COMPGEN=_wrcd_file_json
 _shtab_sim_ecu_design___explain_COMPGEN=_wrcd_file_lone_wheelset_json
-_shtab_sim_ecu_contact_pos_0_COMPGEN=_wrcd_file_csv
 _shtab_sim_ecu_tune___config_COMPGEN=_wrcd_file_high_speed_coach_toml
 _shtab_sim_ecu_tune__o_COMPGEN=_shtab_compgen_dirs
 _shtab_sim_ecu_tune___output_COMPGEN=_shtab_compgen_dirs
 _shtab_sim_ecu_tune___against_COMPGEN=_wrcd_file_lone_wheelset_json
 _shtab_sim_ecu_score___design_COMPGEN=_wrcd_file_lone_wheelset_json
-_shtab_sim_ecu_score___baselines_COMPGEN=_wrcd_file_json
 _shtab_sim_ecu_score___json_COMPGEN=_wrcd_file_any
 _shtab_sim_ecu_score___html_COMPGEN=_wrcd_file_any
 _shtab_sim_ecu_figures__o_COMPGEN=_shtab_compgen_dirs
@@ -127,7 +123,7 @@ _shtab_sim_ecu_mark___fail_on_choices=(missed)
 _shtab_sim_ecu_fronts___rail_choices=(wet greasy low leaf-patch)
 _shtab_sim_ecu_compare___fail_on_choices=(worse any)
 _shtab_sim_ecu_completion_pos_0_choices=(bash zsh)
-_shtab_sim_ecu_pos_0_choices=(list play inject drive control driver faults design contact tune score figures loop mark fronts sand campaign compare fmu demo completion)
+_shtab_sim_ecu_pos_0_choices=(list play inject drive control driver faults design tune score figures loop mark fronts sand campaign compare fmu demo completion)
 
 _shtab_sim_ecu_list__h_nargs=0
 _shtab_sim_ecu_list___help_nargs=0
@@ -157,8 +153,6 @@ _shtab_sim_ecu_design__h_nargs=0
 _shtab_sim_ecu_design___help_nargs=0
 _shtab_sim_ecu_design___search_nargs=0
 _shtab_sim_ecu_design___explain_nargs='?'
-_shtab_sim_ecu_contact__h_nargs=0
-_shtab_sim_ecu_contact___help_nargs=0
 _shtab_sim_ecu_tune__h_nargs=0
 _shtab_sim_ecu_tune___help_nargs=0
 _shtab_sim_ecu_score__h_nargs=0
@@ -234,15 +228,12 @@ _wrcd_file_high_speed_coach_toml() {
     compgen -W 'high-speed-coach locomotive lone-wheelset manchester-1 metro multiple-unit' -- "$1"
     _wrcd_files 'toml' "$1"
 }
-_wrcd_file_json() {
-    _wrcd_files 'json' "$1"
-}
 _wrcd_file_lone_wheelset_json() {
     compgen -W 'lone-wheelset multiple-unit' -- "$1"
     _wrcd_files 'json' "$1"
 }
-_wrcd_file_csv() {
-    _wrcd_files 'csv' "$1"
+_wrcd_file_json() {
+    _wrcd_files 'json' "$1"
 }
 _wrcd_file_fmu() {
     _wrcd_files 'fmu' "$1"
