@@ -138,10 +138,10 @@ format: $(READY)
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
-# the packaged designs, and what a score compares the lone wheelset's with, the paper's own form among it; takes minutes
+# the packaged designs, and the paper's own form, which a score compares the lone wheelset's with; takes minutes
 design: $(READY)
 	$(BIN)/sim-ecu design --config multiple-unit -o wrcd/data/designs/multiple-unit.design.json
-	$(BIN)/sim-ecu design --config lone-wheelset -o wrcd/data/designs/lone-wheelset.design.json --baselines sim_ecu/data/lone-wheelset.baselines.json
+	$(BIN)/sim-ecu design --config lone-wheelset -o wrcd/data/designs/lone-wheelset.design.json
 	$(BIN)/sim-ecu design --config lone-wheelset --form paper -o sim_ecu/data/lone-wheelset.paper.design.json
 
 # the tables of docs/reference/score.md; 30 minutes of processor time, on two cores

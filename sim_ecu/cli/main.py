@@ -15,7 +15,6 @@ SIM_ECU = Program(
         "drive",
         "control",
         "design",
-        "contact",
         "tune",
         "score",
         "figures",

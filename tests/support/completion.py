@@ -22,7 +22,7 @@ from wrcd.config.packaged_designs import packaged_designs
 
 PROGRAMS = (WRCD, SIM_ECU)
 LOGS = "log gz asc blf trc csv db mf4"
-SUFFIXES = {"config": "toml", "dbc": "dbc", "baselines": "json"}  # by the argument's name
+SUFFIXES = {"config": "toml", "dbc": "dbc"}  # by the argument's name
 # what shtab has no word for: words and files of some kind, and the CAN interfaces of this computer
 PREAMBLE = {
     "bash": r"""_wrcd_files() {

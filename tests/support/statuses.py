@@ -131,7 +131,6 @@ RIG: dict[str, dict[Status, str]] = {
         **_MADE,
         Status.INTERRUPTED: "Ctrl-C: the same command goes on from there",
     },
-    "contact": {Status.DONE: "done", Status.BAD_INPUT: _RIG_BAD, **_STOPPED},
     "score": {
         Status.DONE: _PRINTED,
         Status.STOPPED: _HOLES,
@@ -151,7 +150,7 @@ RIG: dict[str, dict[Status, str]] = {
         Status.BAD_INPUT: f"{_RIG_BAD}; or, with `--fail-on`, nothing that differs could be judged",
         **_STOPPED,
     },
-    "figures": {Status.DONE: "the figures are drawn, whatever they show", **_MADE},
+    "figures": {Status.DONE: "the figures are drawn", **_MADE},
     "demo": {
         Status.DONE: "valid estimates were seen",
         Status.STOPPED: "no valid estimate was seen",

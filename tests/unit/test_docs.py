@@ -17,12 +17,11 @@ import pytest
 
 from sim_ecu import bench
 from sim_ecu.cli import main as rig_cli
-from sim_ecu.design.brief import load_source
 from sim_ecu.reporting import verdicts
 from sim_ecu.reporting.values import CHANCE, MET, MET_CHANCE, MISSED, TOO_FEW
 from sim_ecu.score import SUITES, WORLDS
 from sim_ecu.score.metrics.bootstrap import NOTHING
-from sim_ecu.score.run_score import ScoreRequest, belonging, make_baselines
+from sim_ecu.score.run_score import ScoreRequest, make_baselines, paper_form_of
 from sim_ecu.score.score_goals import ACCUSED, SCORE_GOALS
 from sim_ecu.score.suites.worlds import EVERY
 from tests.matrix.expected import LONG_ROWS, ROWS
@@ -41,6 +40,7 @@ from wrcd.contract.frames import Says
 from wrcd.core import causes, configuration, core, inputs, plausibility, validity, vocabulary
 from wrcd.core.core import Core
 from wrcd.estimator import answer
+from wrcd.estimator.design import load_design
 from wrcd.estimator.signals import gate
 from wrcd.service import journal
 from wrcd.service.reload import LIMITS
@@ -401,10 +401,10 @@ def test_score_has_the_suites_causes_and_baselines_of_the_code() -> None:
     assert set(re.findall(r"([A-Z]\w+) \d+\.\d %", shown)) <= {c.label for c in causes.Cause}
     levels = [name for _, name in vocabulary.CONFIDENCES]
     assert re.findall(r"^\| (Wi\w+) \| [\d.]+ % \|", shown, re.MULTILINE) == levels
-    baselines, papers = (belonging(LONE_DESIGN, s) for s in ("baselines.json", "paper.design.json"))
+    papers = paper_form_of(LONE_DESIGN)
     assert papers is not None
-    asked = ScoreRequest(LONE_DESIGN, baselines, (("the paper's own form", papers),))
-    names = list(make_baselines(load_source(LONE_DESIGN), asked))
+    asked = ScoreRequest(LONE_DESIGN, (("the paper's own form", papers),))
+    names = list(make_baselines(load_design(LONE_DESIGN), asked))
     grid = shown.partition("**grid**")[2].partition("**goals**")[0]
     assert [n for n in re.findall(r"^\| ([^|]+) \|.* better \|", grid, re.MULTILINE) if n in names] == names
 

@@ -12,7 +12,6 @@ import pytest
 
 from sim_ecu.cli import main as rig_cli
 from sim_ecu.resources import TRUTH_DBC
-from sim_ecu.score.contact_table import COLUMNS
 from tests.support.scenarios import LogOf, held
 from tests.support.statuses import STATUSES
 from wrcd import resources
@@ -111,8 +110,6 @@ RIG_CASES = [
     ("tune -o {dir}/t --budget 0", 2),
     ("tune -o {dir}/t --config never.toml", 3),
     ("tune -o {dir}/t --against nowhere", 2),
-    ("contact cases.csv", 0),
-    ("contact never.csv", 2),
     ("score --jobs 0", 2),
     ("score --quick --design never.json", 3),
     ("score --quick --beside a=nowhere", 2),
@@ -151,7 +148,6 @@ def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     Path("short.toml").write_text(held("A", 0.5))
     Path("stop.toml").write_text(STOP)
     Path("asked.toml").write_text('kind = "play"\n[factor]\nscenario = ["dry"]\n')
-    Path("cases.csv").write_text(",".join(COLUMNS) + "\n1.2,6,5,73550,82000,0.28,0.3,0.001,0\n")
 
 
 @pytest.mark.usefixtures("_folder")

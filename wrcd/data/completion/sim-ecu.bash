@@ -5,19 +5,26 @@
 #    source ~/.local/share/bash_completion/sim-ecu
 # See also: https://github.com/scop/bash-completion/blob/main/doc/configuration.md
 
-_shtab_sim_ecu_subparsers=(list play drive control design contact tune score figures campaign compare demo completion)
+_shtab_sim_ecu_subparsers=(list play inject drive control driver faults design tune score figures loop mark fronts sand campaign compare fmu demo completion)
 
 _shtab_sim_ecu_list_option_strings=(-h --help)
-_shtab_sim_ecu_play_option_strings=(-h --help -i --interface -c --channel --log --fast --config --no-truth --ahead --fault)
-_shtab_sim_ecu_drive_option_strings=(-h --help -i --interface -c --channel --log --no-truth --json)
-_shtab_sim_ecu_control_option_strings=(-h --help -i --interface -c --channel --with-adhesion --config --scenario --for)
-_shtab_sim_ecu_design_option_strings=(-h --help --config -o --output --form --search --budget --jobs --baselines --explain)
-_shtab_sim_ecu_contact_option_strings=(-h --help --k-a --k-s)
+_shtab_sim_ecu_play_option_strings=(-h --help -i --interface -c --channel --log --fast --config --no-truth --ahead)
+_shtab_sim_ecu_inject_option_strings=(-h --help -i --interface -c --channel --log --fast --config --no-truth --ahead --fault --list)
+_shtab_sim_ecu_drive_option_strings=(-h --help -i --interface -c --channel --log --driver --config --no-truth --json)
+_shtab_sim_ecu_control_option_strings=(-h --help -i --interface -c --channel --with-adhesion --share-effort --sand --config --scenario --for)
+_shtab_sim_ecu_driver_option_strings=(-h --help -i --interface -c --channel --config --scenario --for)
+_shtab_sim_ecu_faults_option_strings=(-h --help)
+_shtab_sim_ecu_design_option_strings=(-h --help --config -o --output --form --search --budget --jobs --explain)
 _shtab_sim_ecu_tune_option_strings=(-h --help --config -o --output --form --over --budget --played --seed --jobs --against)
-_shtab_sim_ecu_score_option_strings=(-h --help --suite --quick --jobs --design --baselines --beside --fail-on --json --html)
+_shtab_sim_ecu_score_option_strings=(-h --help --suite --quick --jobs --design --beside --fail-on --json --html)
 _shtab_sim_ecu_figures_option_strings=(-h --help -o --output --design --paper)
+_shtab_sim_ecu_loop_option_strings=(-h --help --suite --only --quick --seeds --jobs --fail-on --json --html)
+_shtab_sim_ecu_mark_option_strings=(-h --help --world --quick --lines --training --jobs --fail-on --json --html --png)
+_shtab_sim_ecu_fronts_option_strings=(-h --help --rail --seeds --jobs --json --html)
+_shtab_sim_ecu_sand_option_strings=(-h --help --quick --seeds --jobs --json --html)
 _shtab_sim_ecu_campaign_option_strings=(-h --help -o --out --jobs --scheduler --again --dry-run --logs --train --config --channel --limit --reports)
 _shtab_sim_ecu_compare_option_strings=(-h --help --figures --alpha --fail-on --json --html)
+_shtab_sim_ecu_fmu_option_strings=(-h --help -o --output)
 _shtab_sim_ecu_demo_option_strings=(-h --help -i --interface -c --channel --config --scenario -o --output)
 _shtab_sim_ecu_completion_option_strings=(-h --help)
 _shtab_sim_ecu_option_strings=(-h --help --version)
@@ -29,13 +36,21 @@ _shtab_sim_ecu_play__c_COMPGEN=_wrcd_channels
 _shtab_sim_ecu_play___channel_COMPGEN=_wrcd_channels
 _shtab_sim_ecu_play___log_COMPGEN=_wrcd_file_log
 _shtab_sim_ecu_play___config_COMPGEN=_wrcd_file_toml
-_shtab_sim_ecu_play___fault_COMPGEN=_wrcd_words_loss__
+_shtab_sim_ecu_inject_pos_0_COMPGEN=_wrcd_file_all_curves_toml
+_shtab_sim_ecu_inject__i_COMPGEN=_wrcd_words_canalystii_
+_shtab_sim_ecu_inject___interface_COMPGEN=_wrcd_words_canalystii_
+_shtab_sim_ecu_inject__c_COMPGEN=_wrcd_channels
+_shtab_sim_ecu_inject___channel_COMPGEN=_wrcd_channels
+_shtab_sim_ecu_inject___log_COMPGEN=_wrcd_file_log
+_shtab_sim_ecu_inject___config_COMPGEN=_wrcd_file_toml
+_shtab_sim_ecu_inject___fault_COMPGEN=_wrcd_words_loss__
 _shtab_sim_ecu_drive_pos_0_COMPGEN=_wrcd_file_all_curves_toml
 _shtab_sim_ecu_drive__i_COMPGEN=_wrcd_words_canalystii_
 _shtab_sim_ecu_drive___interface_COMPGEN=_wrcd_words_canalystii_
 _shtab_sim_ecu_drive__c_COMPGEN=_wrcd_channels
 _shtab_sim_ecu_drive___channel_COMPGEN=_wrcd_channels
 _shtab_sim_ecu_drive___log_COMPGEN=_wrcd_file_log
+_shtab_sim_ecu_drive___config_COMPGEN=_wrcd_file_toml
 _shtab_sim_ecu_drive___json_COMPGEN=_wrcd_file_any
 _shtab_sim_ecu_control__i_COMPGEN=_wrcd_words_canalystii_
 _shtab_sim_ecu_control___interface_COMPGEN=_wrcd_words_canalystii_
@@ -43,24 +58,36 @@ _shtab_sim_ecu_control__c_COMPGEN=_wrcd_channels
 _shtab_sim_ecu_control___channel_COMPGEN=_wrcd_channels
 _shtab_sim_ecu_control___config_COMPGEN=_wrcd_file_toml
 _shtab_sim_ecu_control___scenario_COMPGEN=_wrcd_file_all_curves_toml
+_shtab_sim_ecu_driver__i_COMPGEN=_wrcd_words_canalystii_
+_shtab_sim_ecu_driver___interface_COMPGEN=_wrcd_words_canalystii_
+_shtab_sim_ecu_driver__c_COMPGEN=_wrcd_channels
+_shtab_sim_ecu_driver___channel_COMPGEN=_wrcd_channels
+_shtab_sim_ecu_driver___config_COMPGEN=_wrcd_file_toml
+_shtab_sim_ecu_driver___scenario_COMPGEN=_wrcd_file_all_curves_toml
 _shtab_sim_ecu_design___config_COMPGEN=_wrcd_file_high_speed_coach_toml
 _shtab_sim_ecu_design__o_COMPGEN=_wrcd_file_any
 _shtab_sim_ecu_design___output_COMPGEN=_wrcd_file_any
-_shtab_sim_ecu_design___baselines_COMPGEN=_wrcd_file_json
 _shtab_sim_ecu_design___explain_COMPGEN=_wrcd_file_lone_wheelset_json
-_shtab_sim_ecu_contact_pos_0_COMPGEN=_wrcd_file_csv
 _shtab_sim_ecu_tune___config_COMPGEN=_wrcd_file_high_speed_coach_toml
 _shtab_sim_ecu_tune__o_COMPGEN=_shtab_compgen_dirs
 _shtab_sim_ecu_tune___output_COMPGEN=_shtab_compgen_dirs
 _shtab_sim_ecu_tune___against_COMPGEN=_wrcd_file_lone_wheelset_json
 _shtab_sim_ecu_score___design_COMPGEN=_wrcd_file_lone_wheelset_json
-_shtab_sim_ecu_score___baselines_COMPGEN=_wrcd_file_json
 _shtab_sim_ecu_score___json_COMPGEN=_wrcd_file_any
 _shtab_sim_ecu_score___html_COMPGEN=_wrcd_file_any
 _shtab_sim_ecu_figures__o_COMPGEN=_shtab_compgen_dirs
 _shtab_sim_ecu_figures___output_COMPGEN=_shtab_compgen_dirs
 _shtab_sim_ecu_figures___design_COMPGEN=_wrcd_file_lone_wheelset_json
 _shtab_sim_ecu_figures___paper_COMPGEN=_wrcd_file_json
+_shtab_sim_ecu_loop___json_COMPGEN=_wrcd_file_any
+_shtab_sim_ecu_loop___html_COMPGEN=_wrcd_file_any
+_shtab_sim_ecu_mark___json_COMPGEN=_wrcd_file_any
+_shtab_sim_ecu_mark___html_COMPGEN=_wrcd_file_any
+_shtab_sim_ecu_mark___png_COMPGEN=_wrcd_file_any
+_shtab_sim_ecu_fronts___json_COMPGEN=_wrcd_file_any
+_shtab_sim_ecu_fronts___html_COMPGEN=_wrcd_file_any
+_shtab_sim_ecu_sand___json_COMPGEN=_wrcd_file_any
+_shtab_sim_ecu_sand___html_COMPGEN=_wrcd_file_any
 _shtab_sim_ecu_campaign_pos_0_COMPGEN=_wrcd_file_toml
 _shtab_sim_ecu_campaign__o_COMPGEN=_shtab_compgen_dirs
 _shtab_sim_ecu_campaign___out_COMPGEN=_shtab_compgen_dirs
@@ -70,6 +97,9 @@ _shtab_sim_ecu_compare_pos_0_COMPGEN=_shtab_compgen_dirs
 _shtab_sim_ecu_compare_pos_1_COMPGEN=_shtab_compgen_dirs
 _shtab_sim_ecu_compare___json_COMPGEN=_wrcd_file_any
 _shtab_sim_ecu_compare___html_COMPGEN=_wrcd_file_any
+_shtab_sim_ecu_fmu_pos_0_COMPGEN=_wrcd_file_all_curves_toml
+_shtab_sim_ecu_fmu__o_COMPGEN=_wrcd_file_fmu
+_shtab_sim_ecu_fmu___output_COMPGEN=_wrcd_file_fmu
 _shtab_sim_ecu_demo__i_COMPGEN=_wrcd_words_canalystii_
 _shtab_sim_ecu_demo___interface_COMPGEN=_wrcd_words_canalystii_
 _shtab_sim_ecu_demo__c_COMPGEN=_wrcd_channels
@@ -79,14 +109,21 @@ _shtab_sim_ecu_demo___scenario_COMPGEN=_wrcd_file_all_curves_toml
 _shtab_sim_ecu_demo__o_COMPGEN=_shtab_compgen_dirs
 _shtab_sim_ecu_demo___output_COMPGEN=_shtab_compgen_dirs
 
-_shtab_sim_ecu_control_pos_0_choices=(none thresholds)
+_shtab_sim_ecu_drive___driver_choices=(wrcd tests dry slippery bus)
+_shtab_sim_ecu_control_pos_0_choices=(none thresholds creep)
+_shtab_sim_ecu_control___sand_choices=(at-slide below-speed when-low at-place)
+_shtab_sim_ecu_driver_pos_0_choices=(wrcd tests dry slippery)
 _shtab_sim_ecu_design___form_choices=(wrcd paper)
 _shtab_sim_ecu_tune___form_choices=(wrcd paper)
-_shtab_sim_ecu_score___suite_choices=(paper grid robust rough harsh slow worlds long canted peak transitions drops cycles dead foreign dry-hours)
+_shtab_sim_ecu_score___suite_choices=(paper grid robust rough harsh slow worlds long canted peak transitions drops cycles dead foreign dry-hours fusion)
 _shtab_sim_ecu_score___fail_on_choices=(missed)
+_shtab_sim_ecu_loop___suite_choices=(braking traction train faults worlds actuators)
+_shtab_sim_ecu_loop___fail_on_choices=(missed)
+_shtab_sim_ecu_mark___fail_on_choices=(missed)
+_shtab_sim_ecu_fronts___rail_choices=(wet greasy low leaf-patch)
 _shtab_sim_ecu_compare___fail_on_choices=(worse any)
 _shtab_sim_ecu_completion_pos_0_choices=(bash zsh)
-_shtab_sim_ecu_pos_0_choices=(list play drive control design contact tune score figures campaign compare demo completion)
+_shtab_sim_ecu_pos_0_choices=(list play inject drive control driver faults design tune score figures loop mark fronts sand campaign compare fmu demo completion)
 
 _shtab_sim_ecu_list__h_nargs=0
 _shtab_sim_ecu_list___help_nargs=0
@@ -95,18 +132,27 @@ _shtab_sim_ecu_play___help_nargs=0
 _shtab_sim_ecu_play___fast_nargs=0
 _shtab_sim_ecu_play___no_truth_nargs=0
 _shtab_sim_ecu_play___ahead_nargs=0
+_shtab_sim_ecu_inject__h_nargs=0
+_shtab_sim_ecu_inject___help_nargs=0
+_shtab_sim_ecu_inject___fast_nargs=0
+_shtab_sim_ecu_inject___no_truth_nargs=0
+_shtab_sim_ecu_inject___ahead_nargs=0
+_shtab_sim_ecu_inject___list_nargs=0
 _shtab_sim_ecu_drive__h_nargs=0
 _shtab_sim_ecu_drive___help_nargs=0
 _shtab_sim_ecu_drive___no_truth_nargs=0
 _shtab_sim_ecu_control__h_nargs=0
 _shtab_sim_ecu_control___help_nargs=0
 _shtab_sim_ecu_control___with_adhesion_nargs=0
+_shtab_sim_ecu_control___share_effort_nargs=0
+_shtab_sim_ecu_driver__h_nargs=0
+_shtab_sim_ecu_driver___help_nargs=0
+_shtab_sim_ecu_faults__h_nargs=0
+_shtab_sim_ecu_faults___help_nargs=0
 _shtab_sim_ecu_design__h_nargs=0
 _shtab_sim_ecu_design___help_nargs=0
 _shtab_sim_ecu_design___search_nargs=0
 _shtab_sim_ecu_design___explain_nargs='?'
-_shtab_sim_ecu_contact__h_nargs=0
-_shtab_sim_ecu_contact___help_nargs=0
 _shtab_sim_ecu_tune__h_nargs=0
 _shtab_sim_ecu_tune___help_nargs=0
 _shtab_sim_ecu_score__h_nargs=0
@@ -114,6 +160,18 @@ _shtab_sim_ecu_score___help_nargs=0
 _shtab_sim_ecu_score___quick_nargs=0
 _shtab_sim_ecu_figures__h_nargs=0
 _shtab_sim_ecu_figures___help_nargs=0
+_shtab_sim_ecu_loop__h_nargs=0
+_shtab_sim_ecu_loop___help_nargs=0
+_shtab_sim_ecu_loop___quick_nargs=0
+_shtab_sim_ecu_mark__h_nargs=0
+_shtab_sim_ecu_mark___help_nargs=0
+_shtab_sim_ecu_mark___quick_nargs=0
+_shtab_sim_ecu_mark___training_nargs=0
+_shtab_sim_ecu_fronts__h_nargs=0
+_shtab_sim_ecu_fronts___help_nargs=0
+_shtab_sim_ecu_sand__h_nargs=0
+_shtab_sim_ecu_sand___help_nargs=0
+_shtab_sim_ecu_sand___quick_nargs=0
 _shtab_sim_ecu_campaign__h_nargs=0
 _shtab_sim_ecu_campaign___help_nargs=0
 _shtab_sim_ecu_campaign___again_nargs=0
@@ -121,6 +179,8 @@ _shtab_sim_ecu_campaign___dry_run_nargs=0
 _shtab_sim_ecu_campaign___reports_nargs=0
 _shtab_sim_ecu_compare__h_nargs=0
 _shtab_sim_ecu_compare___help_nargs=0
+_shtab_sim_ecu_fmu__h_nargs=0
+_shtab_sim_ecu_fmu___help_nargs=0
 _shtab_sim_ecu_demo__h_nargs=0
 _shtab_sim_ecu_demo___help_nargs=0
 _shtab_sim_ecu_completion__h_nargs=0
@@ -154,12 +214,12 @@ _wrcd_file_log() {
 _wrcd_file_toml() {
     _wrcd_files 'toml' "$1"
 }
-_wrcd_words_loss__() {
-    compgen -W 'loss: burst: crc: counter: dlc: bias: drift: freeze: spike: nan: status: swap: reverse: dead: swap-wiring: delay: sender: babble: error-flood: link-down: device-gone: bus-off:' -- "$1"
-}
 _wrcd_file_all_curves_toml() {
     compgen -W 'all-curves axle-box corrugation curves damp dry four-axles greasy half-wet leaf-patch low service-stop six-axles stop-and-go very-low wet' -- "$1"
     _wrcd_files 'toml' "$1"
+}
+_wrcd_words_loss__() {
+    compgen -W 'loss: burst: crc: counter: dlc: bias: drift: freeze: spike: nan: status: swap: reverse: dead: swap-wiring: delay: sender: babble: error-flood: link-down: device-gone: bus-off:' -- "$1"
 }
 _wrcd_file_any() {
     compgen -f -- "$1"
@@ -168,15 +228,15 @@ _wrcd_file_high_speed_coach_toml() {
     compgen -W 'high-speed-coach locomotive lone-wheelset manchester-1 metro multiple-unit' -- "$1"
     _wrcd_files 'toml' "$1"
 }
-_wrcd_file_json() {
-    _wrcd_files 'json' "$1"
-}
 _wrcd_file_lone_wheelset_json() {
     compgen -W 'lone-wheelset multiple-unit' -- "$1"
     _wrcd_files 'json' "$1"
 }
-_wrcd_file_csv() {
-    _wrcd_files 'csv' "$1"
+_wrcd_file_json() {
+    _wrcd_files 'json' "$1"
+}
+_wrcd_file_fmu() {
+    _wrcd_files 'fmu' "$1"
 }
 
 # End Custom Preamble
