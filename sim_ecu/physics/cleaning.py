@@ -53,11 +53,6 @@ class CleanedRail:
         self._met = (p[None, :] > p[:, None]).astype(np.float64)  # [k, j]: whether axle k meets what axle j puts in
         self._energy_kJ = np.zeros((len(p), BLOCK))  # by axle that put it in, and by cell
 
-    @property
-    def total_kJ(self) -> float:
-        """All that was put into the rail."""
-        return float(self._energy_kJ.sum())
-
     def add(self, energy_kJ: FloatArray, from_m: float, to_m: float) -> None:
         """Spread the energy of each axle (axles,) evenly over the way of the train from one distance to another."""
         for j, position in enumerate(self._positions_m):
