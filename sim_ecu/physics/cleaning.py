@@ -5,12 +5,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sim_ecu.physics.contact import CURVES, curve_between
-from sim_ecu.physics.rail import RAIL_COLUMNS, rail_at
-
-FloatArray = NDArray[np.float64]
+from sim_ecu.physics.rail import RAIL_COLUMNS, FloatArray, rail_at
 
 CELL_M = 0.5  # energy is gathered over so much of the rail, as long as a rail takes to change (BLEND_M)
 BEHIND_M = 1.0  # of an axle, and ahead of where it can be at the end of a step: what its table covers

@@ -9,7 +9,7 @@ from wrcd.core.events import Change
 from wrcd.core.vocabulary import CONFIDENCES
 
 FULL_SCALE_PCT, WIDTH, COLUMNS = 50, 20, 80
-HALF_WIDTHS = {name: half_width for half_width, name in CONFIDENCES}
+HALF_WIDTHS = {name: f"{half_width:g}" for half_width, name in CONFIDENCES[:-1]}
 
 LEGEND = """\
 Each line is a moment of an axle: adhesion (force over load), 0 to {full} %.
@@ -54,8 +54,7 @@ def _line(number: int, trace: ObservedTrace) -> str:
     if isinstance(mu := a["MuAvailable"], float):
         at = _place(mu)
         bar[at] = "*" if bar[at] == "T" else "E"
-        half_width = HALF_WIDTHS.get(str(a.get("Confidence")), float("inf"))
-        width = "" if "Confidence" not in a else f" ± {half_width:.0f}" if half_width < float("inf") else " ± ?"
+        width = f" ± {HALF_WIDTHS.get(str(a['Confidence']), '?')}" if "Confidence" in a else ""
         shown = f"{mu:.1f}{width} %"
     truth = f"truth {true['MuAvailable']:4.1f} %"
     return f"{t:5.1f} s A{number} |{''.join(bar)}| {truth}  wrcd {shown:>11}  {a['Validity']}"

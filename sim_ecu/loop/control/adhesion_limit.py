@@ -72,8 +72,8 @@ class AdhesionLimit:
     unit_N_m: torque at the wheelset that takes an adhesion of 1, its own rotation included.
     """
 
-    def __init__(self, source: AdhesionReceiver, unit_N_m: float, constants: LimitConstants | None = None) -> None:
-        self._source, self._unit_N_m, self._c = source, unit_N_m, constants or LimitConstants()
+    def __init__(self, source: AdhesionReceiver, unit_N_m: float) -> None:
+        self._source, self._unit_N_m, self._c = source, unit_N_m, LimitConstants()
         self.limit_N_m: float | None = None
         self._carried_N_m: float | None = None  # what the estimate carries, its rises followed slowly
         self._used_us = 0  # when a frame was last used
