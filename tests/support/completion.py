@@ -101,7 +101,7 @@ def _complete(action: argparse.Action, functions: dict[str, str]) -> None:
     functions[name] = f"{name}() {{\n{''.join(lines)}}}\n"
     zsh = [f"compadd -S '' - {' '.join(words)}"] if words else []
     zsh += ["_files" if suffixes == "*" else f"_files -g '*.({'|'.join(suffixes.split())})(-.)'"] if suffixes else []
-    action.complete = {"bash": name, "zsh": f"{{ {'; '.join(zsh)} }}"}  # type: ignore[attr-defined]
+    action.complete = {"bash": name, "zsh": f"{{ {'; '.join(zsh)} }}"}  # type: ignore[attr-defined]  # shtab's own
 
 
 if __name__ == "__main__":

@@ -37,7 +37,7 @@ from sim_ecu.play import scenario_keys
 from sim_ecu.play.vehicles import load_vehicle, packaged_vehicles
 from sim_ecu.reporting.values import MISSED
 from sim_ecu.reporting.verdicts import counted
-from tests.matrix import matrix
+from tests.matrix.matrix import HEAD, line, verdicts, whole_axle
 from tests.support.bus_load import table as load_table
 from tests.support.statuses import STATUSES
 from wrcd import resources
@@ -442,8 +442,8 @@ def goals_of(page: str) -> list[tuple[str, str, str, str]]:
 
 
 def fault_matrix() -> list[str]:
-    """The rows of single signals: those of a whole axle do as the yaw rate's alone do."""
-    return [line for line in matrix.lines() if not matrix.WHOLE_AXLE.match(line)]
+    """The rows of single signals."""
+    return [*HEAD.splitlines(), *(line(row, verdict) for row, verdict in verdicts() if not whole_axle(row))]
 
 
 MAKERS: dict[str, Callable[..., list[str]]] = {

@@ -101,7 +101,7 @@ def _messages(top: Section) -> set[str]:
     named = {text.partition(".")[0] for text in top.strings()}
     numbers = (table.raw("number") for table in top.sections("axle"))
     usual = {name for n in numbers if isinstance(n, int) for name in usual_messages(n)}
-    return named | usual | {*STATUS_MESSAGES}
+    return named.union(usual, STATUS_MESSAGES)
 
 
 def _source(path: Path | None) -> tuple[Section, Path]:

@@ -35,6 +35,7 @@ LINES = DEFAULT.count("\n")
         (DEFAULT + ADVICE, ("advice",), "advice", LINES + 1),
         (DEFAULT + "[[advice]]\n[advice.message]\nno_such_key = []\n", ("advice",), "advice", LINES + 1),
         ("advice = 3" + DEFAULT, ("advice",), "advice", 1),
+        (DEFAULT + '[advice.message]\nname = "X"\n', ("advice",), "advice", LINES + 1),
         (DEFAULT + FUSION, ("fusion",), "fusion", LINES + 1),
         (DEFAULT + "[fusion]\npositions_m = 3\nlength = {}\n", ("fusion",), "fusion", LINES + 1),
         (DEFAULT + 'ahead = "AdhesionAhead_A4"\n', ("axle", "ahead"), "axle[4].ahead", LINES + 1),
