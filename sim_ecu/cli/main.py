@@ -30,7 +30,6 @@ SIM_ECU = Program(
         "compare",
         "fmu",
         "demo",
-        "completion",
     ),
 )
 # extra and package, by the module that is imported

@@ -76,11 +76,13 @@ def test_constant_speed_is_refused(tmp_path: Path) -> None:
         load(tmp_path, text + POSITIONS)
 
 
-def test_design_of_another_tick_is_refused(tmp_path: Path) -> None:
+def test_design_of_another_tick_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = tmp_path / "train.toml"
     file.write_text(DEFAULT + POSITIONS)
+    design = replace(load_design(resources.DESIGN), tick_s=0.01)
+    monkeypatch.setattr("wrcd.config.config.load_design", lambda _: design)
     with pytest.raises(InputError, match="takes a design with a tick of 5 ms, not 10 ms"):
-        load_config(file, read_design=lambda path: replace(load_design(path), tick_s=0.01))
+        load_config(file)
 
 
 def own_dbc(folder: Path, *without: str) -> str:
