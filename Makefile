@@ -148,15 +148,12 @@ design: $(READY)
 score: $(READY)
 	$(BIN)/sim-ecu score --json build/score.json --html build/score.html
 
-# what stands between the markers of the pages, the configuration's JSON schema, completion and manual pages, and the site of
-# the pages in build/site: a warning or a dead link fails. docs-check changes nothing
+# what stands between the markers of the pages, and the site of the pages in build/site: a warning or a dead link fails.
+# docs-check changes nothing
 SITE := -m sphinx -q -W --keep-going -n -E -c docs . build/site
 docs: $(READY)
 	$(BIN)/python -m tests.support.pages --write
 	$(BIN)/python -m tests.support.signs_picture
-	$(BIN)/python -m tests.support.schema
-	$(BIN)/python -m tests.support.completion
-	$(BIN)/python -m tests.support.manual
 	$(BIN)/python $(SITE)
 
 docs-all: $(READY)

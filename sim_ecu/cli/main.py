@@ -21,7 +21,6 @@ SIM_ECU = Program(
         "campaign",
         "compare",
         "demo",
-        "completion",
     ),
 )
 # extra and package, by the module that is imported

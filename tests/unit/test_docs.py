@@ -43,7 +43,6 @@ from wrcd.estimator import answer
 from wrcd.estimator.design import load_design
 from wrcd.estimator.signals import gate
 from wrcd.service import journal
-from wrcd.service.reload import LIMITS
 
 ROOT = pages.ROOT
 DOCS = ROOT / "docs"
@@ -286,11 +285,6 @@ def test_numbers_of_the_validity_table_are_those_of_the_code() -> None:
 
 def test_reasons_of_a_rejection_are_those_of_the_code() -> None:
     assert [r[0] for r in rows("docs/reference/validity.md", "## Why a frame is rejected")] == list(Reason)
-
-
-def test_configuration_table_marks_what_a_reload_takes_over() -> None:
-    found = [r for r in rows("docs/reference/configuration.md") if r[0].startswith("`") and len(r) == 5]
-    assert {r[0].strip("`") for r in found if r[3] == "yes"} == {key for key, _ in LIMITS.values()}
 
 
 def test_log_lines_have_every_state_and_counter() -> None:

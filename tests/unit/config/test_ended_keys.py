@@ -20,10 +20,10 @@ FUSION = "[fusion]\npositions_m = [0.0, -2.5, -19, -21.5]\none_way = true\n"
 
 
 def load(folder: Path, text: str, like: Config) -> Config:
-    """The DBC and the design are read already."""
+    """With the DBC and the design that are read already."""
     file = folder / "train.toml"
     file.write_text(text, encoding="utf-8")
-    return load_config(file, lambda *_, **__: like.database, lambda _: like.design)
+    return replace(load_config(file), database=like.database, design=like.design)
 
 
 LINES = DEFAULT.count("\n")
