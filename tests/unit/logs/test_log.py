@@ -107,11 +107,11 @@ def test_log_without_a_frame_is_an_error(tmp_path: Path, content: bytes) -> None
         read(log)
 
 
-def test_missing_log_is_an_error(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["nowhere.log", "nowhere.asc", "nowhere.db", "nowhere.mf4.gz"])
+def test_missing_log_is_an_error_and_is_not_made(name: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no such log"):
-        read(tmp_path / "nowhere.log")
-    with pytest.raises(InputError, match="no such log"):
-        read(tmp_path / "nowhere.asc")
+        read(tmp_path / name)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_file_of_which_nothing_can_be_read_is_an_error(tmp_path: Path) -> None:
