@@ -136,25 +136,22 @@ format: $(READY)
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
-# the packaged designs, and what a score compares the lone wheelset's with, the paper's own form among it; takes minutes
+# the packaged designs, and the paper's own form, which a score compares the lone wheelset's with; takes minutes
 design: $(READY)
 	$(BIN)/sim-ecu design --config multiple-unit -o wrcd/data/designs/multiple-unit.design.json
-	$(BIN)/sim-ecu design --config lone-wheelset -o wrcd/data/designs/lone-wheelset.design.json --baselines sim_ecu/data/lone-wheelset.baselines.json
+	$(BIN)/sim-ecu design --config lone-wheelset -o wrcd/data/designs/lone-wheelset.design.json
 	$(BIN)/sim-ecu design --config lone-wheelset --form paper -o sim_ecu/data/lone-wheelset.paper.design.json
 
 # the tables of docs/reference/score.md; 30 minutes of processor time, on two cores
 score: $(READY)
 	$(BIN)/sim-ecu score --json build/score.json --html build/score.html
 
-# what stands between the markers of the pages, the configuration's JSON schema, completion and manual pages, and the site of
-# the pages in build/site: a warning or a dead link fails. docs-check changes nothing
+# what stands between the markers of the pages, and the site of the pages in build/site: a warning or a dead link fails.
+# docs-check changes nothing
 SITE := -m sphinx -q -W --keep-going -n -E -c docs . build/site
 docs: $(READY)
 	$(BIN)/python -m tests.support.pages --write
 	$(BIN)/python -m tests.support.signs_picture
-	$(BIN)/python -m tests.support.schema
-	$(BIN)/python -m tests.support.completion
-	$(BIN)/python -m tests.support.manual
 	$(BIN)/python $(SITE)
 
 docs-all: $(READY)

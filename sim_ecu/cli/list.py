@@ -17,7 +17,7 @@ def _run(_args: argparse.Namespace) -> int:
     from sim_ecu.loop.drive_scenario import load_drive_scenario
     from sim_ecu.physics.contact import CURVES
     from sim_ecu.physics.stability import hunting_speed_m_s
-    from sim_ecu.play.faults import listing
+    from sim_ecu.play.faults import described
     from sim_ecu.play.scenario import TO_DRIVE, load_scenario, packaged
     from sim_ecu.play.vehicles import load_vehicle, packaged_vehicles, vehicle_title
 
@@ -33,7 +33,8 @@ def _run(_args: argparse.Namespace) -> int:
         hunts = hunting_speed_m_s(load_vehicle(name), CURVES["A"], FASTEST_M_S, SCAN_M_S)
         hunting = f"none below {FASTEST_M_S:g} m/s" if math.isinf(hunts) else f"from {hunts:.1f} m/s"
         print(f"{name:19} vehicle, hunting on dry rail {hunting}: {vehicle_title(name)}")
-    print("\n".join(listing()))
+    for name, what in described():
+        print(f"{name:19} fault: {what}")
     return 0
 
 

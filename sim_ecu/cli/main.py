@@ -15,14 +15,12 @@ SIM_ECU = Program(
         "drive",
         "control",
         "design",
-        "contact",
         "tune",
         "score",
         "figures",
         "campaign",
         "compare",
         "demo",
-        "completion",
     ),
 )
 # extra and package, by the module that is imported

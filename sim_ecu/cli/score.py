@@ -18,10 +18,6 @@ def _add(p: argparse.ArgumentParser) -> None:
     add_jobs(p)
     add_design(p)
     p.add_argument(
-        "--baselines", type=Path, metavar="FILE",
-        help="what `sim-ecu design --baselines` made with the design (default: a packaged design's own)",
-    )  # fmt: skip
-    p.add_argument(
         "--beside", action="append", default=[], metavar="NAME=DESIGN",
         help="another design, a packaged one or a file, for the same wheelset, run on the same frames; may be repeated",
     )  # fmt: skip
@@ -36,9 +32,7 @@ def _run(args: argparse.Namespace) -> int:
 
     check_least(args, jobs=1)
     design = design_path(args.design or DEFAULT_DESIGN)
-    return run(
-        args.suite, args.quick, args.jobs, design, args.baselines, args.beside, args.json, args.html, args.fail_on
-    )  # fmt: skip
+    return run(args.suite, args.quick, args.jobs, design, args.beside, args.json, args.html, args.fail_on)
 
 
 COMMAND = Subcommand(

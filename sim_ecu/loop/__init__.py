@@ -1,1 +1,1 @@
-"""The loop closed: rig, controllers on the bus, lockstep, figures."""
+"""The loop closed: rig, controller on the bus, lockstep, figures."""

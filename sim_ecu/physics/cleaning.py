@@ -5,12 +5,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sim_ecu.physics.contact import CURVES, curve_between
-from sim_ecu.physics.rail import RAIL_COLUMNS, rail_at
-
-FloatArray = NDArray[np.float64]
+from sim_ecu.physics.rail import RAIL_COLUMNS, FloatArray, rail_at
 
 CELL_M = 0.5  # energy is gathered over so much of the rail, as long as a rail takes to change (BLEND_M)
 BEHIND_M = 1.0  # of an axle, and ahead of where it can be at the end of a step: what its table covers
@@ -52,11 +49,6 @@ class CleanedRail:
         self._start_m = min(positions_m) - 2 * CELL_M - BEHIND_M
         self._met = (p[None, :] > p[:, None]).astype(np.float64)  # [k, j]: whether axle k meets what axle j puts in
         self._energy_kJ = np.zeros((len(p), BLOCK))  # by axle that put it in, and by cell
-
-    @property
-    def total_kJ(self) -> float:
-        """All that was put into the rail."""
-        return float(self._energy_kJ.sum())
 
     def add(self, energy_kJ: FloatArray, from_m: float, to_m: float) -> None:
         """Spread the energy of each axle (axles,) evenly over the way of the train from one distance to another."""

@@ -1,5 +1,6 @@
-"""The demo's lines, 80 columns wide: a legend, the moments of each axle, and every change of Validity in words."""
+"""The demo's lines, of 80 columns at most: a legend, moments of each axle, and every change of Validity in words."""
 
+import textwrap
 from collections.abc import Iterable, Mapping
 
 from sim_ecu.play.observer import ObservedTrace
@@ -7,8 +8,8 @@ from wrcd.core.causes import Validity
 from wrcd.core.events import Change
 from wrcd.core.vocabulary import CONFIDENCES
 
-FULL_SCALE_PCT, WIDTH = 50, 20
-HALF_WIDTHS = {name: half_width for half_width, name in CONFIDENCES}
+FULL_SCALE_PCT, WIDTH, COLUMNS = 50, 20, 80
+HALF_WIDTHS = {name: f"{half_width:g}" for half_width, name in CONFIDENCES[:-1]}
 
 LEGEND = """\
 Each line is a moment of an axle: adhesion (force over load), 0 to {full} %.
@@ -38,7 +39,8 @@ class Screen:
         for c in changes:
             if c.axle in self._numbers:
                 why = f": {c.cause.words}" if c.after is not Validity.VALID else ""
-                print(f"{c.time_us * 1e-6 - first_s:5.1f} s axle {c.axle}: {c.after}{why}", flush=True)
+                line = f"{c.time_us * 1e-6 - first_s:5.1f} s axle {c.axle}: {c.after}{why}"
+                print(textwrap.fill(line, COLUMNS, subsequent_indent=" " * 8), flush=True)
 
 
 def _line(number: int, trace: ObservedTrace) -> str:
@@ -52,8 +54,8 @@ def _line(number: int, trace: ObservedTrace) -> str:
     if isinstance(mu := a["MuAvailable"], float):
         at = _place(mu)
         bar[at] = "*" if bar[at] == "T" else "E"
-        half_width = HALF_WIDTHS.get(str(a.get("Confidence")), float("inf"))
-        shown = f"{mu:.1f} ± {half_width:.0f} %" if half_width < float("inf") else f"{mu:.1f} ± ? %"
+        width = f" ± {HALF_WIDTHS.get(str(a['Confidence']), '?')}" if "Confidence" in a else ""
+        shown = f"{mu:.1f}{width} %"
     truth = f"truth {true['MuAvailable']:4.1f} %"
     return f"{t:5.1f} s A{number} |{''.join(bar)}| {truth}  wrcd {shown:>11}  {a['Validity']}"
 

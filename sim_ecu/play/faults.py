@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
 
@@ -179,10 +179,8 @@ def _is_number(text: str) -> bool:
     return re.fullmatch(r"[+-]?(0|[1-9][0-9]*)(\.[0-9]+)?(e[+-]?[0-9]+)?", text) is not None
 
 
-def listing() -> list[str]:
-    """The kinds, a line each."""
-    lines = []
+def described() -> Iterator[tuple[str, str]]:
+    """The kinds: name, and what each is with its default amounts."""
     for name, k in KINDS.items():
         default = ", ".join(f"{a:g}" for a in k.amounts)
-        lines.append(f"{name:19} fault: {k.what}{f' (amount: {default} {k.unit})' if k.amounts else ''}")
-    return lines
+        yield name, k.what + (f" (amount: {default} {k.unit})" if k.amounts else "")

@@ -1,4 +1,4 @@
-"""How good the estimate is: accuracy, figures of the paper, comparisons with data from elsewhere; here the suites."""
+"""How good the estimate is: accuracy, and the figures of the paper; here the suites."""
 
 SUITES = (
     "paper", "grid", "robust", "rough", "harsh", "slow", "worlds", "long", "canted", "peak", "transitions", "drops",

@@ -23,7 +23,7 @@ from wrcd.core.core import Core, Observer
 from wrcd.core.messages import Outgoing
 from wrcd.core.vocabulary import CONFIDENCES, MESSAGES, Words
 from wrcd.estimator.design import Design
-from wrcd.estimator.records import Estimate, StepResult, Tick
+from wrcd.estimator.records import StepResult, Tick
 from wrcd.logs.decoder import UNKNOWN, MessageDecoder, Values, decoders
 
 FloatArray = NDArray[np.float64]
@@ -115,26 +115,16 @@ class Trace:
 class TickRecorder(Observer):
     """What the train's estimator is given, kept for the baselines: an observer of the core."""
 
-    def __init__(self, design: Design, axles: int) -> None:
-        self._design, self._axles = design, axles
+    def __init__(self, design: Design) -> None:
+        self._design = design
         self.ticks: list[Tick] = []
-        self._seen: list[tuple[int, FloatArray]] = []
 
     def stepped(self, tick: Tick, result: StepResult) -> None:
         """Keep the tick."""
         self.ticks.append(tick)
 
-    def estimated(self, tick: int, estimate: Estimate) -> None:
-        """Keep what the rules were given."""
-        self._seen.append((len(self.ticks), estimate.inputs))
-
     def all(self) -> GivenTicks:
         """Everything so far."""
-        width = self._seen[0][1].shape[1] if self._seen else 0
-        seen = np.full((len(self.ticks), self._axles, width), np.nan)
-        ends = [*(at for at, _ in self._seen[1:]), len(self.ticks) + 1]
-        for (at, inputs), until in zip(self._seen, ends, strict=False):
-            seen[at - 1 : until - 1] = inputs
         return GivenTicks(
             z=np.stack([t.z for t in self.ticks]),
             present=np.stack([t.present for t in self.ticks]),
@@ -142,7 +132,6 @@ class TickRecorder(Observer):
             speed_m_s=np.array([t.speed_m_s for t in self.ticks]),
             tick_s=self._design.tick_s,
             number=np.array([t.number for t in self.ticks]),
-            seen=seen,
         )
 
 
@@ -189,7 +178,7 @@ def play(
     """Play a run and gather what came on the bus, an entry for each axle. train: whose messages the configurations map.
     beside: other designs' names and configurations, whose cores are fed the same frames.
     Raises InputError for a fault or an axle that they leave no way to."""
-    recording = TickRecorder(config.design, len(config.axles)) if baselines else None
+    recording = TickRecorder(config.design) if baselines else None
     ours, others = Listener(run, config, recording), {name: Listener(run, other) for name, other in beside}
     listeners = [ours, *others.values()]
     samples = iter(Player(run.scenario, chunk=LARGE_CHUNK, train=train))

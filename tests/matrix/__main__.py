@@ -2,10 +2,11 @@
 
 import sys
 
-from tests.matrix.matrix import lines
+from tests.matrix.matrix import HEAD, line, verdicts
 
 failed = False
-for line in lines():
-    print(line, flush=True)
-    failed |= "| NO" in line
+print(HEAD)
+for row, verdict in verdicts():
+    print(line(row, verdict), flush=True)
+    failed |= bool(verdict.wrong)
 sys.exit(failed)

@@ -3,7 +3,6 @@
 import copy
 import functools
 import math
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
@@ -135,10 +134,19 @@ HEAD = (
 )
 
 
+def _of_bus(fault: Fault) -> bool:
+    return KINDS[fault.kind].stage is Stage.BUS
+
+
+def whole_axle(row: MatrixRow) -> bool:
+    """Whether a row is of all signals of the axle at once: it does as that of the yaw rate alone does."""
+    return row.fault.of == ALL and not _of_bus(row.fault)
+
+
 def which(row: MatrixRow) -> tuple[str, str, str]:
     """A row's fault for a person: the kind, of what, for how many seconds."""
     f = row.fault
-    of = "bus" if KINDS[f.kind].stage is Stage.BUS else {ALL: "all of the axle"}.get(f.of, f.of.replace("_", " "))
+    of = "all of the axle" if whole_axle(row) else "bus" if _of_bus(f) else f.of.replace("_", " ")
     return f.kind if f.amount is None else f"{f.kind} {f.amount:g}", of, f"{f.duration_s:g}"
 
 
@@ -226,16 +234,12 @@ class Matrix:
         return replace(verdict, wrong=verdict.wrong or wrong_lines(row, lines))
 
 
-WHOLE_AXLE = re.compile(r"\| [^|]+ \| all of the axle \|")
-
-
-def lines() -> Iterator[str]:
-    """The whole table, line by line as it comes; "NO" stands in a row that failed."""
+def verdicts() -> Iterator[tuple[MatrixRow, Verdict]]:
+    """Every row with its verdict, as they come: minutes."""
     progress, matrix = Progress(), Matrix()
-    yield from HEAD.splitlines()
     rows = (*ROWS, *LONG_ROWS)
     for k, row in enumerate(rows):
         progress.at(row.fault.kind, k / len(rows))
         verdict = matrix.play(row)
         progress.end()
-        yield line(row, verdict)
+        yield row, verdict

@@ -18,7 +18,6 @@ import math
 import re
 import shlex
 import sys
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -37,7 +36,7 @@ from sim_ecu.play import scenario_keys
 from sim_ecu.play.vehicles import load_vehicle, packaged_vehicles
 from sim_ecu.reporting.values import MISSED
 from sim_ecu.reporting.verdicts import counted
-from tests.matrix import matrix
+from tests.matrix.matrix import HEAD, line, verdicts, whole_axle
 from tests.support.bus_load import table as load_table
 from tests.support.statuses import STATUSES
 from wrcd import resources
@@ -68,7 +67,6 @@ WORD_BITS = 8  # a shorter signal with a value table takes no other values
 MANY_WORDS = 10  # of a value table: it is printed once
 Row = tuple[object, ...]
 _MAINS: dict[str, Callable[[list[str]], int]] = {"wrcd": cli.main, "sim-ecu": rig_cli.main}
-PROGRAMS = {p.name: p for p in (cli.WRCD, rig_cli.SIM_ECU)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,45 +198,6 @@ def _first_axle(comment: str) -> str:
     return re.sub(r"wheelset 1\b", "wheelset *a*", comment)
 
 
-# --- commands
-
-
-def options(program: str) -> list[str]:
-    """Every command of a program with its arguments, defaults and help; those of several commands once."""
-    parser = PROGRAMS[program].parser()
-    choices = next(a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
-    helps = {c.dest: c.help for c in choices._choices_actions}
-    rows = {name: [_row(a) for a in c._actions if a.dest != "help"] for name, c in choices.choices.items()}
-    count = Counter(row for found in rows.values() for row in found)
-    shared = [row for row in count if count[row] > 1]
-    top = [_row(a) for a in parser._actions if a.option_strings and a.dest != "help"]
-    out = [f"- {name}: {what}" for name, what in top]
-    out += ["", f"### {program}: of several commands", "", *(f"- {name}: {what}" for name, what in shared)]
-    for name, found in rows.items():
-        out += ["", f"### {program} {name}", "", f"{_sentence(helps[name] or '')}."]
-        out += [f"Also: {', '.join(_bare(row) for row in found if row in shared)}."] if set(found) & set(shared) else []
-        own = [row for row in found if row not in shared]
-        out += ["", *(f"- {name}: {what}" for name, what in own)] if own else []
-    return out
-
-
-def _bare(row: tuple[str, str]) -> str:
-    """An argument without its value."""
-    return re.sub(r"(`-[^ ,`]+(?:, --[^ `]+)?).*", r"\1`", row[0])
-
-
-def _row(a: argparse.Action) -> tuple[str, str]:
-    metavar = a.metavar or ("{" + ", ".join(map(str, a.choices)) + "}" if a.choices else a.dest.upper())
-    takes = "" if a.nargs == 0 else f" {metavar}" if a.nargs != "?" else f" [{metavar}]"
-    names = ", ".join(a.option_strings) + takes if a.option_strings else str(a.metavar or a.dest)
-    # a default of all cores is this machine's
-    return f"`{names}`", re.sub(r"\s+", " ", a.help or "")
-
-
-def _sentence(text: str) -> str:
-    return text[:1].upper() + text[1:]
-
-
 # --- configuration
 
 
@@ -247,16 +206,13 @@ def configuration(which: str) -> list[str]:
     if which == "tables":
         named = [(f"{table}.{key.name}", key) for table, keys in declared.TABLES.items() for key in keys]
     elif which == "input":
-        keys = {key.name: key for keys in declared.INPUTS.values() for key in keys}
-        named = [(key.name, key) for key in (*declared.TORQUE_INPUT, declared.REVERSE) if keys[key.name] is key]
+        named = [(key.name, key) for key in (*declared.TORQUE_INPUT, declared.REVERSE)]
     else:
         own = declared.output_keys("adhesion")[: -len(MESSAGES["adhesion"])]
         fields = declared.field_keys(MESSAGES["adhesion"]["MuAvailable"])
         named = [(key.name, key) for key in own] + [(f"….{key.name}", key) for key in fields]
-    rows: list[Row] = [
-        (f"`{name}`", key.takes, key.shown_default, "yes" if key.reload else "", key.what) for name, key in named
-    ]
-    return table(("key", "takes", "default", "reload", "what"), rows)
+    rows: list[Row] = [(f"`{name}`", key.takes, key.shown_default, key.what) for name, key in named]
+    return table(("key", "takes", "default", "what"), rows)
 
 
 def scenario(which: str = "") -> list[str]:
@@ -351,7 +307,7 @@ def campaign_kinds() -> list[str]:
     out: list[str] = []
     for at, kind in enumerate(KINDS):
         before = KINDS[:at]
-        out += [*([""] if out else []), f"### {kind.name}", "", f"{_sentence(kind.words)}.", ""]
+        out += [*([""] if out else []), f"### {kind.name}", "", f"{kind.words[:1].upper()}{kind.words[1:]}.", ""]
         head = ("factor", "takes", "default", "what")
         out += _new(head, _factors(kind), [(k.name, _factors(k)) for k in before])
         out += _new(("figure", "unit, better", "what"), _figures(kind), [(k.name, _figures(k)) for k in before])
@@ -442,14 +398,13 @@ def goals_of(page: str) -> list[tuple[str, str, str, str]]:
 
 
 def fault_matrix() -> list[str]:
-    """The rows of single signals: those of a whole axle do as the yaw rate's alone do."""
-    return [line for line in matrix.lines() if not matrix.WHOLE_AXLE.match(line)]
+    """The rows of single signals."""
+    return [*HEAD.splitlines(), *(line(row, verdict) for row, verdict in verdicts() if not whole_axle(row))]
 
 
 MAKERS: dict[str, Callable[..., list[str]]] = {
     "fault-matrix": fault_matrix,
     "messages": messages,
-    "options": options,
     "configuration": configuration,
     "bus-load": bus_load,
     "exit-codes": exit_codes,

@@ -1,4 +1,4 @@
-"""What each exit status of each command means: pages and manual are made from it, and tests try each."""
+"""What each exit status of each command means: the page is made from it, and tests try each."""
 
 from wrcd.errors import Status
 
@@ -24,11 +24,6 @@ WRCD: dict[str, dict[Status, str]] = {
         Status.BAD_INPUT: "bad configuration, DBC or design: file, line, key, reason; the unit does not try again",
         Status.NOT_THERE: "the bus or a file cannot be opened, after `--wait` at the latest; the unit tries again",
         Status.INTERRUPTED: "Ctrl-C before it ran",
-    },
-    "reload": {
-        Status.DONE: "the file holds: limits were taken over, or nothing has changed; what needs a restart is named",
-        Status.STOPPED: "nothing was taken over: a mistake in the file, every change needs a restart, or no answer",
-        Status.BAD_INPUT: "the process is no `wrcd run`, runs on a terminal, or is another user's",
     },
     "init": {
         Status.DONE: "the proposal is written; standard error says what is open and unsure",
@@ -88,19 +83,6 @@ WRCD: dict[str, dict[Status, str]] = {
         Status.BAD_INPUT: f"{_BAD}: no usable log, a time outside of it, an axle that it has not",
         Status.INTERRUPTED: "Ctrl-C",
     },
-    "install": {
-        Status.DONE: "installed, or with `--dry-run` looked at; the output says what changed and what was kept",
-        Status.STOPPED: "not all of it is installed: a file, or systemctl, failed on the way; install again; or with "
-        "`--restart` a unit could not be restarted",
-        Status.BAD_INPUT: "nothing was changed: no root, no systemd, a program that units cannot start, or a "
-        "configuration that does not hold with this version",
-    },
-    "uninstall": {
-        Status.DONE: "removed, or with `--dry-run` looked at; the output says what was kept",
-        Status.STOPPED: "not all of it is removed: a file, or systemctl, failed on the way; uninstall again",
-        Status.BAD_INPUT: "nothing was removed: no root, no systemd, or nothing that `wrcd install` has installed",
-    },
-    "completion": {Status.DONE: "the script is printed"},
 }
 RIG: dict[str, dict[Status, str]] = {
     "list": {Status.DONE: "done"},
@@ -131,7 +113,6 @@ RIG: dict[str, dict[Status, str]] = {
         **_MADE,
         Status.INTERRUPTED: "Ctrl-C: the same command goes on from there",
     },
-    "contact": {Status.DONE: "done", Status.BAD_INPUT: _RIG_BAD, **_STOPPED},
     "score": {
         Status.DONE: _PRINTED,
         Status.STOPPED: _HOLES,
@@ -151,7 +132,7 @@ RIG: dict[str, dict[Status, str]] = {
         Status.BAD_INPUT: f"{_RIG_BAD}; or, with `--fail-on`, nothing that differs could be judged",
         **_STOPPED,
     },
-    "figures": {Status.DONE: "the figures are drawn, whatever they show", **_MADE},
+    "figures": {Status.DONE: "the figures are drawn", **_MADE},
     "demo": {
         Status.DONE: "valid estimates were seen",
         Status.STOPPED: "no valid estimate was seen",
@@ -159,7 +140,6 @@ RIG: dict[str, dict[Status, str]] = {
         Status.NOT_THERE: _RIG_BUS,
         **_STOPPED,
     },
-    "completion": {Status.DONE: "the script is printed"},
 }
 
 STATUSES = {"wrcd": WRCD, "sim-ecu": RIG}

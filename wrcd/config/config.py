@@ -49,19 +49,13 @@ torque = "Torque_A{a}.Torque"
 DEFAULT = packaged(DEFAULT_AXLES)
 
 
-def load_config(
-    path: Path | None,
-    read_dbc: Callable[..., Database] = load_dbc,
-    read_design: Callable[[Path], Design] = load_design,
-    design_file: Path | None = None,
-) -> Config:
+def load_config(path: Path | None, design_file: Path | None = None) -> Config:
     """Read a configuration file, or the default one for None. Raises InputError with file, line, key and advice: all
     mistakes of the file at once.
 
-    Who has the DBC or the design already says so by a reader of their own; that of a DBC takes its encoding, too.
     design_file: holds in place of the one that the file names.
     """
-    return _config(*_source(path), read_dbc, read_design, design_file)
+    return _config(*_source(path), load_dbc, load_design, design_file)
 
 
 def mistakes(text: str, file: Path, folder: Path, design: Design) -> Sequence[InputError]:
@@ -101,7 +95,7 @@ def _messages(top: Section) -> set[str]:
     named = {text.partition(".")[0] for text in top.strings()}
     numbers = (table.raw("number") for table in top.sections("axle"))
     usual = {name for n in numbers if isinstance(n, int) for name in usual_messages(n)}
-    return named | usual | {*STATUS_MESSAGES}
+    return named.union(usual, STATUS_MESSAGES)
 
 
 def _source(path: Path | None) -> tuple[Section, Path]:

@@ -121,7 +121,7 @@ def _sent(c: Config, o: Output) -> str:
 
 
 def made_for(d: Design) -> str:
-    """The design's wheelset by name and parameters: a foreign one gives no error, and `check --log` tells only some."""
+    """The design's wheelset by name and parameters: a foreign one gives no error."""
     known = [
         f"{what} {d.wheelset[key]:g} {unit}".rstrip()
         for key, what, unit in KNOWN_BY

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from wrcd.config.section import Section
 
-NO_MORE = "each axle's own Adhesion frame is what there is; nothing replaces it in this version"
+NO_MORE = "each axle's own Adhesion frame is what there is; fusion has no successor in this version"
 # By the key's path: what to use instead.
 ENDED: Mapping[tuple[str, ...], str] = {
     ("advice",): "use MuAvailable and Confidence of each axle's Adhesion frame",

@@ -1,4 +1,4 @@
-"""What keys of the configuration are made of: one declaration each, for the parser, the JSON schema and the docs.
+"""What keys of the configuration are made of: one declaration each, for the parser and the docs.
 
 Plain classes: the daemon's start would wait for dataclasses of so many kinds to be made.
 """
@@ -17,14 +17,12 @@ T = TypeVar("T")
 
 
 class KeyOf(Generic[T]):
-    """A key: its name, what it means, whether it must be there, and whether SIGHUP takes it over."""
+    """A key: its name, what it means, and whether it must be there."""
 
     takes = "text"  # what a value may be, in words
 
-    def __init__(
-        self, name: str, what: str, default: T | None = None, *, needed: bool = False, reload: bool = False
-    ) -> None:
-        self.name, self.what, self.default, self.needed, self.reload = name, what, default, needed, reload
+    def __init__(self, name: str, what: str, default: T | None = None, *, needed: bool = False) -> None:
+        self.name, self.what, self.default, self.needed = name, what, default, needed
 
     def read(self, section: Section) -> T | None:
         """The value; its default or None where it is missing, or wrong, which is a mistake. Raises InputError where a
@@ -117,9 +115,9 @@ class Number(KeyOf[float]):
 
     def __init__(
         self, name: str, what: str, low: float, high: float, default: float | None = None, *,
-        nonzero: bool = False, reload: bool = False,
+        nonzero: bool = False,
     ) -> None:  # fmt: skip
-        super().__init__(name, what, default, reload=reload)
+        super().__init__(name, what, default)
         self.low, self.high, self.nonzero = low, high, nonzero
         self.takes = f"{low:g} … {high:g}" if math.isfinite(high) else "number but 0" if nonzero else "number"
 
@@ -140,9 +138,9 @@ class Whole(KeyOf[int]):
 
     def __init__(
         self, name: str, what: str, low: int, high: int, default: int | None = None, *,
-        needed: bool = False, reload: bool = False,
+        needed: bool = False,
     ) -> None:  # fmt: skip
-        super().__init__(name, what, default, needed=needed, reload=reload)
+        super().__init__(name, what, default, needed=needed)
         self.low, self.high, self.takes = low, high, f"{low} … {high}"
 
     def read(self, section: Section) -> int | None:
@@ -222,17 +220,12 @@ class RawValues(KeyOf[tuple[int | str, ...]]):
 
 
 class Sub(KeyOf[str]):
-    """A table of its own, or text that stands for the one key `short` of it; several: or a list of them.
-
-    tables: its declaration, in declared.INPUTS or vocabulary.MESSAGES.
-    """
+    """A table of its own, or text that stands for the one key of it that is needed; several: or a list of them."""
 
     def __init__(
-        self, name: str, what: str, tables: str, short: str, *,
-        several: bool = False, needed: bool = False, default: str | None = None,
-    ) -> None:  # fmt: skip
+        self, name: str, what: str, *, several: bool = False, needed: bool = False, default: str | None = None
+    ) -> None:
         super().__init__(name, what, default, needed=needed)
-        self.tables, self.short, self.several = tables, short, several
         self.takes = "text, table or list of them" if several else "text or table"
 
 

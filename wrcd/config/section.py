@@ -26,8 +26,10 @@ class TomlSource:
         self.missing: dict[tuple[str | int, ...], InputError] = {}
 
     def line(self, path: tuple[str | int, ...]) -> int | None:
-        """The line of a key, or of the nearest table around it that has one."""
+        """The line of a key, or the first one of what stands below it, or of the nearest table around it."""
         while path and path not in self._lines:
+            if below := [line for key, line in self._lines.items() if key[: len(path)] == path]:
+                return min(below)
             path = path[:-1]
         return self._lines.get(path)
 

@@ -25,7 +25,6 @@ from wrcd.bus.reasons import Reason
 from wrcd.core.causes import Cause
 from wrcd.core.configuration import Config
 from wrcd.core.counts import Counts, Health
-from wrcd.core.details import Details
 from wrcd.core.events import Events
 from wrcd.core.input_buffers import NEVER
 from wrcd.core.inputs import YAW, Inputs, TickInputs
@@ -171,15 +170,6 @@ class Core:
     def waits(self) -> int:
         """How often an axle that was reset again and again had to wait."""
         return self._backoff.waits
-
-    def reconfigure(self, config: Config) -> None:
-        """Go on with other limits from the next tick on; everything else in config must be as it was."""
-        self.settle()
-        self.config = config
-        self._inputs.apply_limits(config)
-        self.events.describe = Details(config)
-        if self._lane is not None:
-            self._lane.apply_limits()
 
     def settle(self) -> None:
         """Take back what the fast lane has borrowed: before anything else reads or changes the core's state."""

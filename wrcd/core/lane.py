@@ -143,7 +143,7 @@ class FastLane:
         self._taken = ctypes.c_int64(0)
         self._taken_at = ctypes.byref(self._taken)
         self._describe_words()
-        self.apply_limits()
+        self._describe_limits()
 
     def _describe(self, m: Any, key: int, reader: MessageReader, places: list[int], oks: list[int]) -> None:
         inputs, checker = self._inputs, reader.checker
@@ -189,8 +189,7 @@ class FastLane:
         k["contradiction"], k["too_little_data"] = Cause.CONTRADICTION, Cause.TOO_LITTLE_DATA
         k["inputs_cycle_us"][: self._n] = [outbox.inputs_cycle_us(axle) for axle in range(self._n)]
 
-    def apply_limits(self) -> None:
-        """The limits of the configuration as it is now."""
+    def _describe_limits(self) -> None:
         core, inputs, k, design = self._core, self._inputs, self._k, self._core.config.design
         k["period_us"], k["axles"], k["messages"] = core._period_us, self._n, len(self._message)
         k["silence_us"], k["forward_us"], k["backward_us"] = self._limits_us

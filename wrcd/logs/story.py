@@ -23,7 +23,7 @@ from wrcd.logs import statistics, story_events, truth, verdict
 from wrcd.logs.decoder import OwnFrames
 from wrcd.logs.feed import outgoing_of_log
 from wrcd.logs.mapped_inputs import MappedInputs, distance
-from wrcd.logs.reader import LogReader, check_log
+from wrcd.logs.reader import LogReader
 from wrcd.logs.scan import Gathering, Scan, scan
 from wrcd.logs.statistics import BIT_RATE
 from wrcd.logs.story_events import NewChanges
@@ -141,8 +141,7 @@ def gather(
     neither wrcd's frames nor a usable input is found.
     """
     progress = progress or Progress()
-    check_log(log)
-    if log.exists() and not log.is_file():
+    if log.exists() and not (log.is_file() or log.is_dir()):
         raise InputError("is read twice, which a pipe or a device cannot", file=log, hint="write it to a file first")
     first: list[int] = []
 

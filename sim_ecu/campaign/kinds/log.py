@@ -21,7 +21,7 @@ from wrcd.core.vocabulary import snake
 from wrcd.errors import InputError
 from wrcd.logs.damage import Damage
 from wrcd.logs.feed import outgoing_of_log
-from wrcd.logs.reader import LogReader, check_log
+from wrcd.logs.reader import LogReader
 from wrcd.recorder.resume import load, state_file
 
 CAUSES = tuple(c for c in Cause if c is not Cause.NONE and c not in RESERVED)
@@ -71,7 +71,6 @@ def replayed(job: Job) -> Mapping[str, Scalar]:
     _unchanged(job, log)
     if ESCAPED in str(log) and not log.exists():
         raise InputError("has a name that is no UTF-8, and is not read", file=log, hint="rename the file or its folder")
-    check_log(log)
     shared = tuple(sorted((name, found) for name, found in job.files.items() if name not in OWN))
     config = _config(inputs.get("configuration") or "", shared)
     tally, reader = Tally(config), LogReader(log, channel)

@@ -37,11 +37,6 @@ class AxleCycle:
     most_N_m: float  # that the law may give: the driver's demand, or the adhesion's limit below it
     actual_N_m: float  # what the actuators are thought to give now
 
-    @property
-    def creep(self) -> float:
-        """Slip over speed."""
-        return self.slip_m_s / max(self.speed_m_s, 1.0)
-
 
 @dataclass(frozen=True, slots=True)
 class ThresholdConstants:

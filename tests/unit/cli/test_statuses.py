@@ -12,7 +12,6 @@ import pytest
 
 from sim_ecu.cli import main as rig_cli
 from sim_ecu.resources import TRUTH_DBC
-from sim_ecu.score.contact_table import COLUMNS
 from tests.support.scenarios import LogOf, held
 from tests.support.statuses import STATUSES
 from wrcd import resources
@@ -32,7 +31,6 @@ WRCD_CASES = [
     ("run -i virtual -c x --config late.toml", 3),
     ("run -i socketcan -c can77", 3),
     ("run -i pcan -c x", 3),
-    ("reload 4194305", 2),
     ("init {dbc}", 0),
     ("init {dbc} -o here.toml", 2),
     ("init never.dbc", 2),
@@ -51,9 +49,6 @@ WRCD_CASES = [
     ("check --config never.toml", 3),
     ("check --config late.toml", 3),
     ("check --config .", 3),
-    ("install --prefix {dir}/root --program /opt/wrcd/bin/wrcd --dry-run", 0),
-    ("install --prefix {dir}/root --program wrcd", 2),
-    ("uninstall --prefix {dir}/root", 2),
     ("dump {log}", 0),
     ("dump cut.log", 1),
     ("dump {log} --config bad.toml", 2),
@@ -85,7 +80,6 @@ WRCD_CASES = [
     ("why {log} 2000", 2),
     ("why {log} 2 --axle 7", 2),
     ("why never.log 2", 2),
-    ("completion bash", 0),
 ]
 RIG_CASES = [
     ("list", 0),
@@ -111,8 +105,6 @@ RIG_CASES = [
     ("tune -o {dir}/t --budget 0", 2),
     ("tune -o {dir}/t --config never.toml", 3),
     ("tune -o {dir}/t --against nowhere", 2),
-    ("contact cases.csv", 0),
-    ("contact never.csv", 2),
     ("score --jobs 0", 2),
     ("score --quick --design never.json", 3),
     ("score --quick --beside a=nowhere", 2),
@@ -125,7 +117,6 @@ RIG_CASES = [
     ("figures -o {dir}/f --design nowhere", 2),
     ("demo --scenario nowhere", 2),
     ("demo --scenario never.toml", 3),
-    ("completion zsh", 0),
 ]
 STOP = 'title = "t"\nduration_s = 0.2\nspeed_m_s = 12\nrail = [{ curve = "A" }]\ndriver = { demand = -1.0 }\n'
 LATE = '[dbc]\nfile = "never.dbc"\n[wheelset]\nname = "multiple-unit"\n' + DEFAULT
@@ -151,7 +142,6 @@ def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     Path("short.toml").write_text(held("A", 0.5))
     Path("stop.toml").write_text(STOP)
     Path("asked.toml").write_text('kind = "play"\n[factor]\nscenario = ["dry"]\n')
-    Path("cases.csv").write_text(",".join(COLUMNS) + "\n1.2,6,5,73550,82000,0.28,0.3,0.001,0\n")
 
 
 @pytest.mark.usefixtures("_folder")

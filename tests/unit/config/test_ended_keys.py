@@ -20,10 +20,10 @@ FUSION = "[fusion]\npositions_m = [0.0, -2.5, -19, -21.5]\none_way = true\n"
 
 
 def load(folder: Path, text: str, like: Config) -> Config:
-    """The DBC and the design are read already."""
+    """With the DBC and the design that are read already."""
     file = folder / "train.toml"
     file.write_text(text, encoding="utf-8")
-    return load_config(file, lambda *_, **__: like.database, lambda _: like.design)
+    return replace(load_config(file), database=like.database, design=like.design)
 
 
 LINES = DEFAULT.count("\n")
@@ -35,6 +35,7 @@ LINES = DEFAULT.count("\n")
         (DEFAULT + ADVICE, ("advice",), "advice", LINES + 1),
         (DEFAULT + "[[advice]]\n[advice.message]\nno_such_key = []\n", ("advice",), "advice", LINES + 1),
         ("advice = 3" + DEFAULT, ("advice",), "advice", 1),
+        (DEFAULT + '[advice.message]\nname = "X"\n', ("advice",), "advice", LINES + 1),
         (DEFAULT + FUSION, ("fusion",), "fusion", LINES + 1),
         (DEFAULT + "[fusion]\npositions_m = 3\nlength = {}\n", ("fusion",), "fusion", LINES + 1),
         (DEFAULT + 'ahead = "AdhesionAhead_A4"\n', ("axle", "ahead"), "axle[4].ahead", LINES + 1),

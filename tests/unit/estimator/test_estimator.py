@@ -230,6 +230,7 @@ def test_tick_after_a_gap_stays_out_of_the_window(design: Design) -> None:
     z[150:152] = np.nan
     for k, row in enumerate(z):
         live.append(bool(estimator.step(tick(k, row, 0.2)).live[0]))
+    assert not live[0]  # nor does the very first one go in
     assert live[130 + HOLD_TICKS :] == [True] * 20 + [False] * 3 + [True] * 27
 
 

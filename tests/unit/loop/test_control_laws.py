@@ -241,8 +241,10 @@ def test_wheel_that_still_spins_or_slides_from_the_other_effort_is_not_believed(
     assert speed == pytest.approx(20.0, abs=0.3)
 
 
-@pytest.mark.parametrize("scenario", [leaf_stop(), greasy_stop(axles=4), low_start()], ids=lambda s: str(s.axles))
-def test_reference_in_slides_stays_within_1_m_s_of_the_train(scenario: DriveScenario) -> None:
+@pytest.mark.parametrize(
+    "scenario", [leaf_stop(), greasy_stop(axles=4), low_start()], ids=["leaf film", "four axles", "start"]
+)
+def test_reference_in_slides_stays_near_the_trains_speed(scenario: DriveScenario) -> None:
     controller = make_controller("thresholds", Facts.of(scenario))
     towards = 1.0 if scenario.driver.values[-1] > 0.0 else -1.0
     assert isinstance(controller, SlipController)
@@ -253,5 +255,5 @@ def test_reference_in_slides_stays_within_1_m_s_of_the_train(scenario: DriveScen
             slips.append(np.abs(step.slip_m_s).max())
     assert max(slips) > 0.4  # there are slides
     assert min(errors) > -0.15  # positive: towards the sliding wheel
-    assert max(errors) < 1.0
-    assert float(np.mean(np.abs(errors))) < 0.5
+    assert max(errors) < 0.4
+    assert float(np.mean(np.abs(errors))) < 0.2

@@ -170,9 +170,14 @@ def test_line_has_truth_estimate_and_use_in_their_places(capsys: pytest.CaptureF
 
 def test_change_is_told_with_its_cause_of_the_axles_that_are_shown(capsys: pytest.CaptureFixture[str]) -> None:
     valid, degraded, cause = Validity.VALID, Validity.DEGRADED, Cause.TOO_LITTLE_DATA
-    changes = [Change(at(3.0), 1, valid, degraded, cause, ""), Change(at(3.1), 2, valid, degraded, cause, "")]
+    changes = [
+        Change(at(3.0), 1, valid, degraded, cause, ""), Change(at(3.1), 2, valid, degraded, Cause.HARSH, ""),
+        Change(at(3.5), 1, degraded, valid, Cause.NONE, ""),
+    ]  # fmt: skip
     Screen([1]).changes(changes, FIRST_US * 1e-6)
-    assert capsys.readouterr().out == f"  3.0 s axle 1: Degraded: {cause.words}\n"
+    out = capsys.readouterr().out
+    assert max(map(len, out.splitlines())) <= 80
+    assert " ".join(out.split()) == f"3.0 s axle 1: Degraded: {Cause.TOO_LITTLE_DATA.words} 3.5 s axle 1: Valid"
 
 
 def test_hint_of_a_demo_with_an_own_dbc_replays(

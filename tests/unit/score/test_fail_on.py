@@ -9,6 +9,7 @@ from sim_ecu.design.brief import load_source
 from sim_ecu.reporting.values import CHANCE, MET, MET_CHANCE, MISSED, TOO_FEW, Figure
 from sim_ecu.reporting.verdicts import Goal
 from sim_ecu.score import run_score
+from sim_ecu.score.report import judge
 from sim_ecu.score.suites import runs
 from wrcd import resources
 
@@ -22,7 +23,6 @@ def test_status_is_that_of_the_goals_where_it_was_asked_for(
     run = next(iter(runs(load_source(resources.DESIGN), "dry-hours", 0.01)))
     short = replace(run, scenario=replace(run.scenario, duration_s=3.0), judged_from_s=1.0)
     monkeypatch.setattr(run_score, "runs", lambda *_: iter([short]))
-    judge = getattr(run_score, "judge")  # noqa: B009 - it is imported there
     for verdicts, asked, status, said in (
         ((MET, MISSED, MISSED), ["--fail-on", "missed"], 1, "--fail-on missed: 2 of 3 goals are missed"),
         ((MET, MISSED), ["--fail-on", "missed"], 1, "--fail-on missed: 1 of 2 goals is missed"),
