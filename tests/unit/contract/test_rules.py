@@ -158,7 +158,7 @@ def test_limit_that_follows_no_rise_is_found(config: Config, careful: ModuleType
 
 @pytest.mark.parametrize("limit", [math.nan, math.inf, -math.inf])
 def test_limit_that_is_no_number_cannot_be_judged(config: Config, careful: ModuleType, limit: float) -> None:
-    with pytest.raises(ConsumerError, match="nan|inf"):
+    with pytest.raises(ConsumerError, match=r"nan|inf"):
         on_virtual_time(using(careful, lambda _: limit), config, {"wrong-crc-is-dropped"})
 
 
