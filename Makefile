@@ -50,9 +50,8 @@ unit: $(READY)
 # vcan of this kernel where it has one, else of a throw-away guest kernel. GUEST_TIMEOUT ends one that hangs; it judges no time
 hil: $(READY)
 	GUEST_TIMEOUT=3600 tests/hil/guest/run --native-ok -- $(BIN)/python -m pytest $(HIL) \
-	    tests/hil/test_vcan.py tests/hil/test_own_dbc.py tests/hil/test_link_*.py tests/hil/test_load.py \
-	    tests/hil/test_docs_commands.py tests/hil/test_monitor.py tests/hil/test_contract.py tests/hil/test_kit.py \
-	    tests/hil/test_loop.py
+	    tests/hil/test_vcan.py tests/hil/test_link_*.py tests/hil/test_load.py \
+	    tests/hil/test_docs_commands.py tests/hil/test_monitor.py tests/hil/test_contract.py tests/hil/test_loop.py
 
 # every fault of the matrix against the real daemon; its table is printed
 faults: $(READY)
@@ -113,7 +112,7 @@ coverage: $(READY)
 	mkdir -p build/coverage/guest
 	$(BIN)/coverage run -m pytest --durations=5
 	GUEST_OUT=build/coverage/guest GUEST_TIMEOUT=900 tests/hil/guest/run -- sh -c \
-	    'COVERAGE_FILE=$$OUT/data exec $(BIN)/coverage run -m pytest $(HIL) tests/hil/test_link_*.py tests/hil/test_vcan.py tests/hil/test_own_dbc.py'
+	    'COVERAGE_FILE=$$OUT/data exec $(BIN)/coverage run -m pytest $(HIL) tests/hil/test_link_*.py tests/hil/test_vcan.py'
 	$(BIN)/coverage combine -q build/coverage build/coverage/guest
 	$(BIN)/coverage report --fail-under=95
 
