@@ -49,14 +49,6 @@ def test_path_is_a_file_in_the_folder(given: str) -> None:
     assert design_path("/etc/my", Path("/srv")) == Path("/etc/my")
 
 
-@pytest.mark.parametrize(("given", "near"), [("lone-wheel", "did you mean 'lone-wheelset'? "), ("tram", ""), ("", "")])
-def test_unknown_name_is_an_error_that_lists_the_packaged_ones(given: str, near: str) -> None:
-    with pytest.raises(InputError) as error:
-        design_path(given)
-    known = ", ".join(packaged_designs())
-    assert f"there is no design '{given}' — {near}packaged: {known}; or give a path" in str(error.value)
-
-
 def test_configuration_names_a_packaged_design_or_a_file_beside_it(tmp_path: Path) -> None:
     assert load_config(configured(tmp_path, "lone-wheelset")).design_file == LONE_WHEELSET
     own = changed(tmp_path / "mine.json", name="mine")

@@ -84,18 +84,6 @@ def two_channels() -> list[Item]:
     return list(stretches([(f, "can1" if k % 3 == 0 else "can0") for k, (f, _) in enumerate(FRAMES[:3000])]))
 
 
-@pytest.mark.parametrize(
-    ("wanted", "reason"),
-    [
-        (None, r"has several channels: can0 \(2000 frames\), can1 \(1000 frames\)"),
-        ("can2", r"has no frame on can2, but on can0 \(2000 frames\), can1"),
-    ],
-)
-def test_channel_that_cannot_be_told_or_is_not_there_is_refused(wanted: str | None, reason: str) -> None:
-    with pytest.raises(InputError, match=reason):
-        list(on_channel(two_channels(), wanted, LOG))
-
-
 def test_wanted_channel_is_read_alone() -> None:
     found = list(on_channel(two_channels(), "can1", LOG))
     assert sum(len(item) if isinstance(item, Stretch) else 1 for item in found) == 1000

@@ -86,30 +86,6 @@ def test_command_writes_what_is_asked_for(ride: Ride, tmp_path: Path) -> None:
     assert "→" in texts(out)
 
 
-@pytest.mark.parametrize(
-    ("more", "reason"),
-    [
-        (["-o", "{dir}/a.txt"], "takes .png, .svg, .pdf"),
-        (["-o", "{log}"], "takes .png"),
-        (["-o", "{dir}/there.png"], "is there"),
-        (["-o", "{dir}/no/a.png"], "its folder is not there"),
-        (["-o", "{dir}/a.png", "--from", "5", "--to", "4"], "is not behind --from"),
-        (["-o", "{dir}/a.png", "--from", "99"], "--from: 99 s is not within the log"),
-        (["-o", "{dir}/a.png", "--to", "-2"], "--to: -2 s is not within the log"),
-        (["-o", "{dir}/a.png", "--axle", "9"], "nothing of axle 9"),
-    ],
-)
-def test_command_refuses_before_it_overwrites(
-    ride: Ride, tmp_path: Path, more: list[str], reason: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    there = tmp_path / "there.png"
-    there.write_text("mine")
-    args = [x.format(dir=tmp_path, log=ride.both) for x in more]
-    assert main(["plot", str(ride.both), *args]) == 2
-    assert reason in capsys.readouterr().err
-    assert there.read_text() == "mine"
-
-
 def test_command_overwrites_when_forced(ride: Ride, tmp_path: Path) -> None:
     there = tmp_path / "there.png"
     there.write_text("mine")

@@ -9,7 +9,6 @@ from tests.support.story import Ride
 from wrcd import resources
 from wrcd.cli.main import main
 from wrcd.config.config import DEFAULT
-from wrcd.errors import InputError, need
 
 
 def test_report_is_written_and_its_verdict_printed(
@@ -76,11 +75,6 @@ def test_mistake_in_what_is_compared_comes_before_the_work(
     assert main(["report", str(ride.both), "--against", str(tmp_path / "never.toml"), "-o", out]) == 2
     assert main(["report", str(ride.both), "--against", str(tmp_path / "never.json"), "-o", out]) == 2
     assert capsys.readouterr().err.count("wrcd: error:") == 2
-
-
-def test_missing_extra_is_named() -> None:
-    with pytest.raises(InputError, match=r"needs the extra report — pip install 'wrcd\[report\]'"):
-        need(("no_such_library",), "report")
 
 
 def test_bit_rate_of_the_bus_is_taken_for_its_load(

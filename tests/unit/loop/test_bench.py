@@ -1,7 +1,6 @@
 """The public Python interface of the rig."""
 
 import re
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,6 @@ from tests.support.loop_wire import TIMINGS, stop_in_lockstep
 
 PAGES = Path(__file__).parents[3] / "docs/how-to"
 WET = scenario(rail="C", demand=-1.0, speed_m_s=10.0, duration_s=1.0)
-WRONG: list[Any] = [None, 7]  # a torque and a valve that are none
 
 
 def blocks() -> list[str]:
@@ -175,34 +173,6 @@ def test_packaged_scenario_with_keys_keeps_the_rest() -> None:
     theirs = load_drive_scenario("brake-wet")
     assert (s.train.duration_s, s.driver) == (3.0, theirs.driver)
     assert s.train.axles[0].seed != theirs.train.axles[0].seed
-
-
-@pytest.mark.parametrize(
-    ("call", "named"),
-    [
-        (lambda: Bench("brake-wat"), "brake-wet"),
-        (lambda: scenario(rail="Z", demand=0.0), "rail[1].curve:"),
-        (lambda: scenario(rail="A", demand=2.0), "driver.demand:"),
-        (lambda: scenario(rail="A", demand=0.0, speed=3.0), "speed:"),
-        (lambda: Bench(WET, controller="treshold"), "thresholds"),
-        (lambda: Bench(WET, controller="thresholds", with_adhesion=True), "daemon"),
-        (lambda: Bench(WET, daemon=True, with_adhesion=True), "controller"),
-        (lambda: Bench(WET, daemon="nowhere.toml"), "nowhere.toml:"),
-        (lambda: Bench(WET).demand(2, 0.0), "axle 2"),
-        (lambda: Bench(WET).demand(1, float("nan")), "torque_N_m:"),
-        (lambda: Bench(WET).demand(1, WRONG[0]), "torque_N_m:"),
-        (lambda: Bench(WET).demand(1, 0.0, WRONG[1]), "valve:"),
-        (lambda: Bench(WET, controller="none").demand(1, 0.0), "controller"),
-        (lambda: Bench(WET).run(float("nan")), "seconds:"),
-        (lambda: Bench(WET).truth(1), "first step"),
-        (lambda: Bench(WET).adhesion(1), "daemon=True"),
-        (lambda: Bench(WET).column("torque"), "torque_N_m"),
-    ],
-)
-def test_mistake_is_named(call: Callable[[], object], named: str) -> None:
-    with pytest.raises(InputError) as e:
-        call()
-    assert named in str(e.value)
 
 
 @pytest.mark.night

@@ -111,21 +111,3 @@ def test_control_ends_after_its_time_with_its_counts(capsys: pytest.CaptureFixtu
     said = capsys.readouterr()
     assert "DriverDemand, WheelSpeed_A1, BrakePressure_A1: not heard yet" in said.err
     assert "WheelSpeed_A1    never came" in said.out
-
-
-@pytest.mark.parametrize(
-    ("line", "reason"),
-    [
-        ("control none --with-adhesion", "--with-adhesion:"),
-        ("control thresholds --config here.toml", "--config:"),
-        ("control thresholds --for 0", "--for:"),
-        ("control thresholds --scenario leaf-patch", "leaf-patch"),
-        ("drive leaf-patch", "leaf-patch"),
-        ("drive brake-wet --json nowhere/a.json", "nowhere"),
-        ("drive brake-wet -i virtual -c x --log a.db", "a.db:"),
-        ("drive brake-wet -i nothing -c x", "nothing"),
-    ],
-)
-def test_bad_input_is_one_line_and_status_2(line: str, reason: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(line.split()) == 2
-    assert reason in capsys.readouterr().err

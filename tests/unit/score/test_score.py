@@ -289,16 +289,6 @@ def test_score_command_writes_tables_json_and_html(
     assert (tmp_path / "s.html").read_text().count("<table") == headers
 
 
-def test_bad_input_is_told_before_anything_is_played(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["score", "--json", str(tmp_path / "none" / "s.json")]) == 2
-    assert "--json: no such folder" in capsys.readouterr().err
-    assert main(["score", "--design", str(tmp_path / "none.json")]) == 3  # it may be there in a moment
-    assert main(["score", "--beside", "old.json"]) == 2
-    assert "takes NAME=DESIGN, not" in capsys.readouterr().err
-    assert main(["score", "--beside", f"old={tmp_path / 'none.json'}"]) == 3
-    assert main(["score", "--jobs", "0"]) == 2
-
-
 # measured on the packaged design: see test_accuracy_does_not_get_worse
 MEAN_PP, P95_PP = 1.2, 5.0
 HALF_WIDTH_PP = 3.0
