@@ -25,17 +25,7 @@ from tests.support.can_ids import (
     id_of,
 )
 from tests.support.lone_wheelset import LONE, PLAYED
-from tests.support.metronome import (
-    SLOT_US,
-    WINDOW_US,
-    Cycle,
-    Machine,
-    calm,
-    cycle,
-    metronome,
-    mostly,
-    within,
-)
+from tests.support.metronome import SLOT_US, WINDOW_US, Cycle, Machine, calm, cycle, metronome, mostly, within
 from tests.support.processes import BIN, ROOT, running, stopped, wait_for
 from tests.support.scenarios import FOUR_AXLES, SIX_AXLES, held
 from tests.support.vcan import CANDUMP, add, allow_large_buffers, ip, overruns_at, slot_of

@@ -139,10 +139,7 @@ def test_words_of_direction(folder: Path, reverse: str, raws: set[int]) -> None:
     assert one(config, Quantity.DIRECTION).source.reverse == frozenset(raws)
 
 
-@pytest.mark.parametrize(
-    ("keys", "identity"),
-    [('e2e = "P11", data_id = 513', 513), ('e2e = "none"', None)],
-)
+@pytest.mark.parametrize(("keys", "identity"), [('e2e = "P11", data_id = 513', 513), ('e2e = "none"', None)])
 def test_protection_is_the_configurations(folder: Path, keys: str, identity: int | None) -> None:
     config = load_config(written(folder, [of_torque(f'signal = "Protected.Brake", {keys}')]))
     assert config.data_ids["Protected"] == identity

@@ -167,8 +167,7 @@ def test_check_says_where_a_design_judges_no_sensors(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "worlds",
-    ["one", [3], [""], ["two\nlines"], ["x" * (MAX_SENTENCE + 1)], ["x"] * (MAX_WORLDS + 1), {"a": "b"}, None],
+    "worlds", ["one", [3], [""], ["two\nlines"], ["x" * (MAX_SENTENCE + 1)], ["x"] * (MAX_WORLDS + 1), {"a": "b"}, None]
 )
 def test_worlds_that_are_no_short_sentences_are_refused(tmp_path: Path, worlds: object) -> None:
     with pytest.raises(InputError, match="worlds: takes at most 40 sentences"):

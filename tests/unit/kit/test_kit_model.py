@@ -42,11 +42,7 @@ def test_time_out_is_the_dbcs_or_three_cycles(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("cycle", "timeout", "why"),
-    [
-        ("cycle_ms = 90", "90", r"odd\.toml: .*Odd_A1"),
-        ("", "90000", r"Odd_A1\.Mu"),
-    ],
+    ("cycle", "timeout", "why"), [("cycle_ms = 90", "90", r"odd\.toml: .*Odd_A1"), ("", "90000", r"Odd_A1\.Mu")]
 )
 def test_time_out_that_is_none_or_within_a_cycle_is_refused(cycle: str, timeout: str, why: str, tmp_path: Path) -> None:
     config = odd_train(tmp_path)

@@ -218,11 +218,7 @@ def test_time_outside_of_the_log_is_an_error_with_the_logs_own(
 @pytest.mark.parametrize("folder", [".", "..", "/", "", "a.asc"])
 @pytest.mark.parametrize("command", [["replay"], ["dump"], ["check", "--log"]])
 def test_folder_is_no_log(
-    command: list[str],
-    folder: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    command: list[str], folder: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "a.asc").mkdir()

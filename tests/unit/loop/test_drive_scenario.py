@@ -6,12 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim_ecu.loop.drive_scenario import (
-    TABLES,
-    DriveScenario,
-    load_drive_scenario,
-    read_drive_scenario,
-)
+from sim_ecu.loop.drive_scenario import TABLES, DriveScenario, load_drive_scenario, read_drive_scenario
 from sim_ecu.physics.actuators import Actuators, Drive, Pneumatics
 from sim_ecu.physics.cleaning import Cleaning
 from sim_ecu.play.scenario import TO_DRIVE, packaged
