@@ -70,16 +70,16 @@ def test_small_configuration_is_read_and_described(tmp_path: Path) -> None:
 
 
 BAD = {
-    "not TOML": (f"{VEHICLE}{AXLE}= 3\n", 9, "not valid TOML"),
-    "no axle": (VEHICLE, None, "1 to 8 tables"),
-    "nine axles": (VEHICLE + AXLE * 9, 4, "1 to 8 tables"),
-    "out of range": (f"{VEHICLE}{AXLE}[limits]\nmin_speed_m_s = -1\n", 10, "from 0.1 to 60"),
-    "absurd speed": (f"{AXLE}[limits]\nconstant_speed_m_s = 1e308\n", 8, "from 0 to 200"),
-    "more than 64 bits": (f"{VEHICLE}{AXLE}[limits]\nmin_speed_m_s = {10**400}\n", 10, "numbers of at most 64 bits"),
-    "a number of a page": (f"{VEHICLE}{AXLE}[limits]\nmin_speed_m_s = {'9' * 5000}\n", None, "not valid TOML"),
-    "no such design": (f'{VEHICLE}{AXLE}[estimator]\ndesign = "none.json"\n', 10, "no such design file"),
-    "another wheelset": (f"{VEHICLE}{AXLE}[wheelset]\nm_w = 1600.0\n", 10, "is for a wheelset with 1250.0"),
-    "a train's wheelset": (f'{VEHICLE}{AXLE}[wheelset]\nname = "metro"\n', 10, "for a wheelset with 'multiple-unit'"),
+    "not TOML": (f"{VEHICLE}{AXLE}= 3\n", 9, ""),
+    "no axle": (VEHICLE, None, "axle"),
+    "nine axles": (VEHICLE + AXLE * 9, 4, "axle"),
+    "out of range": (f"{VEHICLE}{AXLE}[limits]\nmin_speed_m_s = -1\n", 10, "limits.min_speed_m_s"),
+    "absurd speed": (f"{AXLE}[limits]\nconstant_speed_m_s = 1e308\n", 8, "limits.constant_speed_m_s"),
+    "more than 64 bits": (f"{VEHICLE}{AXLE}[limits]\nmin_speed_m_s = {10**400}\n", 10, "limits.min_speed_m_s"),
+    "a number of a page": (f"{VEHICLE}{AXLE}[limits]\nmin_speed_m_s = {'9' * 5000}\n", None, ""),
+    "no such design": (f'{VEHICLE}{AXLE}[estimator]\ndesign = "none.json"\n', 10, "estimator.design"),
+    "another wheelset": (f"{VEHICLE}{AXLE}[wheelset]\nm_w = 1600.0\n", 10, "wheelset.m_w"),
+    "a train's wheelset": (f'{VEHICLE}{AXLE}[wheelset]\nname = "metro"\n', 10, "wheelset.name"),
 }  # fmt: skip
 
 
@@ -88,12 +88,11 @@ BAD = {
 def test_bad_configuration_is_an_error_with_file_line_and_key(
     tmp_path: Path, case: str, read: Callable[[Path], Config]
 ) -> None:
-    text, line, message = BAD[case]
+    text, line, key = BAD[case]
     path = config(tmp_path, text)
     with pytest.raises(InputError) as error:
         read(path)
-    assert message in str(error.value)
-    assert str(error.value).startswith(f"{path}:{line}: " if line else f"{path}: ")
+    assert (error.value.file, error.value.line, error.value.key) == (path, line, key)
 
 
 OWN_DBC = '[dbc]\nfile = "own.dbc"\n'
@@ -103,8 +102,7 @@ OWN_DBC = '[dbc]\nfile = "own.dbc"\n'
 def test_own_dbc_without_a_named_wheelset_is_an_error(tmp_path: Path, more: str) -> None:
     (tmp_path / "own.dbc").write_bytes(resources.DBC.read_bytes())
     path = config(tmp_path, f"{VEHICLE}{AXLE}{OWN_DBC}{more}")
-    named = r'wrcd.toml:10: dbc.file: is a train.s own.*\[wheelset\]: name = "multiple-unit"'
-    with pytest.raises(InputError, match=named):
+    with pytest.raises(InputError, match=r"wrcd\.toml:10: dbc\.file: "):
         load_config(path)
 
 
@@ -215,7 +213,7 @@ def test_a_multiplexed_signal_can_be_mapped_and_the_multiplexer_cannot(tmp_path:
     found = load_config(config(tmp_path, f'[vehicle]\nspeed = "Motion.V"\n{rest}'))
     assert [i.source.signal for i in found.inputs if i.source.quantity is Quantity.SPEED] == ["V"]
     path = config(tmp_path, f'[vehicle]\nspeed = {{ signal = "Motion.Page", unit = "m/s" }}\n{rest}')
-    with pytest.raises(InputError, match=r"wrcd.toml:2: vehicle.speed.signal: Motion.Page says which signals a frame"):
+    with pytest.raises(InputError, match=r"wrcd.toml:2: vehicle.speed.signal: "):
         load_config(path)
 
 

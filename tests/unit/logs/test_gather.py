@@ -125,7 +125,7 @@ def test_log_whose_inputs_are_all_refused_is_an_error(ride: Ride, config: Config
     log = tmp_path / "refused.log"
     lines = [x for x in ride.log.read_text().splitlines() if x.split()[2].startswith("101#")]
     log.write_text("".join(f"{x[:-2]}{int(x[-2:], 16) ^ 0xFF:02X}\n" for x in lines))
-    with pytest.raises(InputError, match="none of its frames is a usable input"):
+    with pytest.raises(InputError, match="wrcd check --log"):
         gather(log, config)
 
 

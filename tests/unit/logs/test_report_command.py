@@ -34,7 +34,7 @@ def test_earlier_report_is_overwritten_and_another_file_is_not(
     out = tmp_path / "page.html"
     out.write_text("<html>mine</html>")
     assert main(["report", str(ride.both), "-o", str(out)]) == 2
-    assert "is no report of wrcd" in capsys.readouterr().err
+    assert ": -o: " in capsys.readouterr().err
     assert out.read_text() == "<html>mine</html>"
     assert main(["report", str(ride.both), "-o", str(out), "--force"]) == 0
     assert main(["report", str(ride.both), "-o", str(out)]) == 0
@@ -43,7 +43,7 @@ def test_earlier_report_is_overwritten_and_another_file_is_not(
 def test_log_is_never_overwritten(ride: Ride, capsys: pytest.CaptureFixture[str]) -> None:
     before = ride.both.read_bytes()
     assert main(["report", str(ride.both), "-o", str(ride.both), "--force"]) == 2
-    assert "is read by this command" in capsys.readouterr().err
+    assert ": -o: " in capsys.readouterr().err
     assert ride.both.read_bytes() == before
 
 
@@ -84,4 +84,4 @@ def test_bit_rate_of_the_bus_is_taken_for_its_load(
     assert main(["report", str(ride.both), "-o", str(out), "--bit-rate", "250000"]) == 0
     assert "Load at an assumed 250 kbit/s" in out.read_text()
     assert main(["report", str(ride.both), "-o", str(out), "--bit-rate", "5"]) == 2
-    assert "takes 10000 to 1000000 bit/s" in capsys.readouterr().err
+    assert "--bit-rate: " in capsys.readouterr().err

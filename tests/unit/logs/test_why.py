@@ -63,7 +63,7 @@ def test_old_detail_is_not_told(config: Config) -> None:
 
 
 def test_unknown_axle_is_an_error(ride: Ride) -> None:
-    with pytest.raises(InputError, match="nothing of axle 7"):
+    with pytest.raises(InputError, match="--axle: "):
         explain(ride.sent, 7, ride.sent.begin_us)
 
 
@@ -85,7 +85,7 @@ def test_seconds_are_after_the_first_frame_or_since_1970(ride: Ride) -> None:
     assert moment(s, 9.3) == s.begin_us + 9_300_000
     assert moment(s, BEGIN_US / 1e6 + 9.3) == BEGIN_US + 9_300_000
     for outside in (-1.0, 99.0, BEGIN_US / 1e6 + 99):
-        with pytest.raises(InputError, match="is not within the log"):
+        with pytest.raises(InputError, match="SECONDS: "):
             moment(s, outside)
     with pytest.raises(InputError):
         moment(s, BEGIN_US / 1e6 + 9.3, relative=True)

@@ -78,7 +78,7 @@ def mistake(table: str, line: str) -> str:
 @pytest.mark.parametrize("table", TABLES)
 def test_parser_knows_the_declared_keys_and_no_other(table: str) -> None:
     said = mistake(table, "qqqqqq = 1")
-    assert "qqqqqq: unknown key — known here: " in said
+    assert "qqqqqq: " in said
     not_asked = ONLY_IF_THERE.get(table, set())
     assert set(said.partition("known here: ")[2].split(", ")) == {key.name for key in TABLES[table]} - not_asked
     for name in not_asked:
