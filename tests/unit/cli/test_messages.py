@@ -1,7 +1,8 @@
 """The words of messages: an example of each kind, whole, in tests/data/messages.txt.
 
-Other tests ask for an error's exit status and for the file, line or key in it; its words are kept here, and those of a
-configuration's mistakes in tests/unit/config/test_mistakes.py. A block of the file begins with a line of these:
+Other tests ask for an error's exit status and for the file, line or key in it; its words are kept here. Those of a
+configuration's mistakes are in mistakes.txt, of verdicts, proposals and hints in files of their own beside it. A block
+begins with one of these lines:
 
     % NAME      a file, with its lines below; `% NAME +` is the packaged configuration with these lines behind it
     $ COMMAND   what it says on standard error, and its exit status; `$ COMMAND |` says what it prints, too
@@ -25,7 +26,7 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from sim_ecu.bench import Bench, Valve, scenario
+from sim_ecu.bench import Bench, scenario
 from sim_ecu.cli import main as rig
 from tests.support.processes import ROOT
 from wrcd import native
@@ -37,7 +38,7 @@ from wrcd.resources import DBC, DESIGN
 
 SNAPSHOT = ROOT / "tests/data/messages.txt"
 MAINS: dict[str, Callable[[list[str]], int]] = {"wrcd": daemon.main, "sim-ecu": rig.main}
-CALLS = {"Bench": Bench, "Valve": Valve, "scenario": scenario, "need": need}
+CALLS = {"Bench": Bench, "scenario": scenario, "need": need}
 HEADS = "%$>"
 
 
