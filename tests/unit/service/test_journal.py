@@ -154,9 +154,12 @@ def test_lines_of_counts_and_of_validity_are_those_of_the_snapshot(log: Log) -> 
     for drops, ms in ((5, 0), (6, 100), (9, 1000), (0, 2000), (1, 2000)):  # 0: set back at the end of the start
         health.drops = drops
         step(f"{drops} drops, {ms} ms", ms)
-    for state, unsent in (("BusOff", 0), ("BusOff", 500), ("Up", 503)):
-        health.state, health.unsent = state, unsent
-        step(f"link {state}, {unsent} unsent", 3000)
+    health.state = "BusOff"
+    step("bus-off", 3000)
+    health.unsent = 500
+    step("500 unsent", 3000)
+    health.state, health.unsent = "Up", 503
+    step("link up, 503 unsent", 3000)
     for n in range(8):
         counts.rejected_by_message[f"M{n}", Reason.RANGE] += 9 - n
     step("many reasons", 1000)
