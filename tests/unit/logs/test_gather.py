@@ -134,15 +134,6 @@ def test_pipe_is_refused(config: Config) -> None:
         gather(Path("/dev/null"), config)
 
 
-def test_cut_log_is_told_in_warnings(ride: Ride, config: Config, tmp_path: Path) -> None:
-    log = tmp_path / "cut.log"
-    log.write_bytes(ride.both.read_bytes()[:-9])
-    story = gather(log, config)
-    assert not story.whole
-    assert any("cut off in mid-line" in w for w in story.warnings)
-    assert ride.sent.whole
-
-
 def test_axle_without_a_frame_of_its_own_is_left_out_though_a_message_of_several_tells_its_torque(
     tmp_path: Path,
 ) -> None:
