@@ -23,7 +23,9 @@ from wrcd.core.configuration import Config
 from wrcd.core.core import Core, Observer
 from wrcd.estimator.design import Design
 from wrcd.estimator.records import Estimate, StepResult, Tick
+from wrcd.logs.columns import Stretch
 from wrcd.logs.reader import LogReader
+from wrcd.logs.time_order import frames_of
 
 FloatArray = NDArray[np.float64]
 MAX_INNOVATION = 1e-9  # relative to the largest innovation of the log
@@ -155,8 +157,9 @@ def compare(log: Path, config: Config, fuzzy_every_s: float) -> Findings:
     both = BothEngines(design, len(config.axles), Models(load_source(config.design_file)), every)
     core = Core(config, observer=both)
     with LogReader(log, shows=True) as reader:
-        for frame, _ in reader.frames():
-            core.feed(frame)
+        for item in reader.written():
+            for frame, _ in frames_of(item) if isinstance(item, Stretch) else (item,):
+                core.feed(frame)
     f = both.findings
     if f.inputs:
         reference = FuzzyReference(design).outputs(np.array(f.inputs))

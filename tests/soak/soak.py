@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from tests.soak.pool import LOOP_US, TICK_US, Faults, endless, pool
+from tests.support.core_state import parts
 from wrcd.bus.frame import Frame
 from wrcd.config.config import load_config
 from wrcd.core.configuration import Config
@@ -26,7 +27,6 @@ from wrcd.estimator.estimator import Estimator
 from wrcd.estimator.records import Estimate, StepResult, Tick
 from wrcd.estimator.trust.health import PairHealth
 from wrcd.progress import Progress
-from wrcd.recorder.state import state_of
 
 START_US = 1_700_000_000_000_000
 MAX_GROWTH_KB = 1024.0
@@ -94,20 +94,20 @@ class Kept(Estimator):
         return out
 
 
-def numbers(thing: object, name: str = "") -> dict[str, FloatArray]:
-    """Every array of floats that an estimator is made of, by its path."""
+def numbers(thing: object, like: object, name: str) -> dict[str, FloatArray]:
+    """Every array of floats that an estimator is made of, by its path; of what one like it has."""
     if isinstance(thing, np.ndarray):
         return {name: thing} if thing.dtype.kind == "f" else {}
     out: dict[str, FloatArray] = {}
-    for part in state_of(type(thing)).values():
-        out |= numbers(getattr(thing, part), f"{name}.{part}")
+    for part, value in parts(like).items():
+        out |= numbers(getattr(thing, part), value, f"{name}.{part}")
     return out
 
 
 def drift(kept: Kept) -> tuple[float, str]:
     """The largest difference between the estimator and one computed afresh, as a share of the number, and where."""
     fresh = kept.afresh()
-    a, b = numbers(kept, "state"), numbers(fresh, "state")
+    a, b = numbers(kept, fresh, "state"), numbers(fresh, fresh, "state")
     now, then = kept.estimate(), fresh.estimate()
     for f in fields(Estimate):
         a[f.name], b[f.name] = np.asarray(getattr(now, f.name), float), np.asarray(getattr(then, f.name), float)

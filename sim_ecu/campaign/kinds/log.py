@@ -22,10 +22,9 @@ from wrcd.errors import InputError
 from wrcd.logs.damage import Damage
 from wrcd.logs.feed import outgoing_of_log
 from wrcd.logs.reader import LogReader
-from wrcd.recorder.resume import load, state_file
 
 CAUSES = tuple(c for c in Cause if c is not Cause.NONE and c not in RESERVED)
-OWN = ("log", "state")  # among Job.files: what the job itself looks at
+OWN = "log"  # among Job.files: what the job itself looks at
 MAX_FINE = 50  # steps of 100 m or 10 s that are kept as they are; of a longer log they are kilometres and minutes
 ESCAPED = "\\x"  # in a name instead of a byte that is no text
 KILOMETRE, MINUTE = 1000.0, 60.0
@@ -71,13 +70,12 @@ def replayed(job: Job) -> Mapping[str, Scalar]:
     _unchanged(job, log)
     if ESCAPED in str(log) and not log.exists():
         raise InputError("has a name that is no UTF-8, and is not read", file=log, hint="rename the file or its folder")
-    shared = tuple(sorted((name, found) for name, found in job.files.items() if name not in OWN))
+    shared = tuple(sorted((name, found) for name, found in job.files.items() if name != OWN))
     config = _config(inputs.get("configuration") or "", shared)
     tally, reader = Tally(config), LogReader(log, channel)
     core, onward, damage = Core(config, observer=tally), reader.clock, reader.damage
-    saved = load(state_file(log), core) if state_file(log).exists() else None
     begin_us = newest_us = None
-    for o, _ in outgoing_of_log(core, reader, saved):
+    for o, _ in outgoing_of_log(core, reader):
         tally.correction_us = onward.correction_us
         frame, _ = onward.moved((o.frame, ""))
         begin_us = frame.stamp_us if begin_us is None else begin_us
@@ -96,9 +94,8 @@ def replayed(job: Job) -> Mapping[str, Scalar]:
 
 def _unchanged(job: Job, log: Path) -> None:
     """Raises InputError for a log that has changed since it was requested."""
-    for name, file in zip(OWN, (log, state_file(log)), strict=True):
-        if name in job.files and digest(file) != job.files[name]:
-            raise InputError("has changed since the campaign began", file=file, hint="begin it again")
+    if OWN in job.files and digest(log) != job.files[OWN]:
+        raise InputError("has changed since the campaign began", file=log, hint="begin it again")
 
 
 @lru_cache(maxsize=8)
@@ -185,14 +182,11 @@ def _cost(inputs: Mapping[str, Any]) -> float:
 
 
 def _named(inputs: Mapping[str, Any]) -> dict[str, Path]:
-    """The configuration's DBC and design, and the state beside a recorder's log."""
-    out: dict[str, Path] = {}
-    if inputs.get("configuration"):
-        config = _beside(inputs["configuration"])
-        out |= {"dbc": config.dbc_file, "design": config.design_file}
-    if state_file(Path(inputs["log"])).exists():
-        out["state"] = state_file(Path(inputs["log"]))
-    return out
+    """The configuration's DBC and design."""
+    if not inputs.get("configuration"):
+        return {}
+    config = _beside(inputs["configuration"])
+    return {"dbc": config.dbc_file, "design": config.design_file}
 
 
 @cache
