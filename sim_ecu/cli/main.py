@@ -19,7 +19,6 @@ SIM_ECU = Program(
         "faults",
         "design",
         "contact",
-        "tune",
         "score",
         "figures",
         "loop",
@@ -27,7 +26,6 @@ SIM_ECU = Program(
         "fronts",
         "sand",
         "campaign",
-        "compare",
         "fmu",
         "demo",
         "completion",
@@ -43,11 +41,11 @@ MODULES = {
     "e2e": ("bench", "autosar-e2e"),
     "matplotlib": ("bench", "matplotlib"),
     "jinja2": ("bench", "jinja2"),
-    "markupsafe": ("bench", "markupsafe"),
     "sklearn": ("learned", "scikit-learn"),
     "pythonfmu": ("fmi", "pythonfmu"),
     "pyarrow": ("campaign", "pyarrow"),
-    "distributed": ("cluster", "distributed"),
+    "pandas": ("campaign", "pandas"),
+    "distributed": ("bench", "distributed"),
 }
 
 

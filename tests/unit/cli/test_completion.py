@@ -102,7 +102,6 @@ LOGS = ["a.log", "a.log.gz", "logs"]
         ("sim-ecu design --form ", ["wrcd", "paper"]),
         ("sim-ecu design --explain x", ["x.json"]),
         ("wrcd replay --design ", [*packaged_designs(), "x.json", "logs"]),
-        ("sim-ecu tune --against l", [*(d for d in packaged_designs() if d.startswith("l")), "logs"]),
         ("sim-ecu demo -o ", ["logs"]),
         ("sim-ecu figures --output l", ["logs"]),
     ],
