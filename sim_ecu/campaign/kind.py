@@ -71,9 +71,10 @@ class Kind:
         found = {f.name: f.path(inputs.get(f.name)) for f in self.factors}
         return {name: path for name, path in found.items() if path is not None}
 
-    def placed(self, inputs: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    def placed(self, inputs: Mapping[str, Any], folder: Path) -> Mapping[str, Any]:
         """Return the inputs with file names that can be opened from anywhere; folder is what they were relative to."""
-        return {**inputs, **{name: str(folder / path) for name, path in self.own_files(inputs).items()}}
+        own = {name: str(folder / path) for name, path in self.own_files(inputs).items()}
+        return {**inputs, **own} if own else inputs
 
 
 @dataclass(frozen=True, slots=True)

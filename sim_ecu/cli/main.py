@@ -45,6 +45,7 @@ MODULES = {
     "pythonfmu": ("fmi", "pythonfmu"),
     "pyarrow": ("campaign", "pyarrow"),
     "pandas": ("campaign", "pandas"),
+    "dask": ("bench", "dask"),
     "distributed": ("bench", "distributed"),
 }
 

@@ -23,7 +23,7 @@ SAFE = re.compile(r"[\w./+@~-]+")  # systemd reads blanks, %, $, quotes and back
 # ProtectHome=yes and PrivateTmp=yes hide these from the unit
 HIDDEN = ("/home", "/root", "/run/user", "/tmp", "/var/tmp")
 # modules of the extra bench
-RIG = ("numba", "scipy", "filterpy", "skfuzzy", "packaging", "e2e", "matplotlib", "jinja2", "markupsafe")
+RIG = ("numba", "scipy", "filterpy", "skfuzzy", "packaging", "e2e", "matplotlib", "jinja2", "dask", "distributed")
 ADVICE = "install it where a dynamic user can read it: python3 -m venv /opt/wrcd; --program names one elsewhere"
 
 
