@@ -139,7 +139,6 @@ COMMAND = Subcommand(
     (
         ("sim-ecu design --config metro -o metro.design.json", "the design of a vehicle that comes along"),
         ("sim-ecu design --config my-rig.toml --search noise,weights -o better.toml", "a brief with a better bank"),
-        ("sim-ecu design --explain", "the default design's rules as sentences, with their data"),
     ),
     _add,
     _run,

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from sim_ecu.cli.main import main
-from tests.support.processes import ROOT, running, wait_for
+from tests.support.processes import ROOT, gone, running, wait_for
 from tests.support.trial_kind import Write, lines, meanwhile, rows
 from wrcd.errors import Status
 
@@ -155,12 +155,6 @@ def test_campaign_that_is_killed_goes_on_and_no_run_is_missing_or_twice(write: W
     assert (len(counts), sum(counts.values())) == (30, 32)
     assert run(file, tmp_path / "undisturbed") == Status.DONE
     pd.testing.assert_frame_equal(rows(out), rows(tmp_path / "undisturbed"))
-
-
-def gone(pid: int) -> bool:
-    """Whether a process has ended, reaped or not."""
-    stat = Path(f"/proc/{pid}/stat")
-    return not stat.exists() or stat.read_text().rpartition(")")[2].split()[0] == "Z"
 
 
 def test_worker_that_is_killed_loses_nothing(write: Write, tmp_path: Path) -> None:

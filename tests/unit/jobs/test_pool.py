@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from sim_ecu.jobs.pool import Ending, Stopped, Workers, limited, local, run
-from tests.support.processes import wait_for
+from tests.support.processes import gone, wait_for
 from tests.support.trial_kind import figures, lines, meanwhile
 from wrcd.errors import InputError
 
@@ -27,14 +27,6 @@ def two() -> Iterator[Workers]:
 
 def jobs(count: int, **inputs: object) -> list[Mapping[str, Any]]:
     return [{"x": 1.0, "seed": seed, **inputs} for seed in range(1, count + 1)]
-
-
-def gone(pid: int) -> bool:
-    """Whether a process has ended, reaped or not."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
-    except FileNotFoundError:
-        return True
 
 
 def test_every_job_has_one_outcome(two: Workers) -> None:

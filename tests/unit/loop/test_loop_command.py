@@ -21,6 +21,7 @@ from sim_ecu.loop.suites.rides import FIRST_TEST_SEED, RidePlan
 from sim_ecu.loop.suites.variants import AS_DESIGNED, AWAY, STOPS, dry_stop
 from sim_ecu.physics.contact import CURVES
 from sim_ecu.play.faults import KINDS, Stage
+from tests.support.processes import gone, wait_for
 from tests.support.short_row import RAIL, play_slowly, slowly
 
 ROW = ("--suite", "actuators", "--only", f"{RAIL}: fast", "--seeds", "1")
@@ -158,7 +159,7 @@ def test_ctrl_c_ends_it_with_its_status_and_no_file(tmp_path: Path) -> None:
     assert "Traceback" not in stderr
     assert not out.exists()
     assert workers
-    assert not any(Path(f"/proc/{pid}").exists() for pid in workers)
+    wait_for("that no process is left", 60, lambda: all(map(gone, workers)))
 
 
 def children(pid: int) -> list[int]:
