@@ -39,6 +39,7 @@ FETCH_S = 60.0  # of a value: its worker may have ended since it was there
 DASK = {
     "distributed.scheduler.allowed-failures": 0,  # said at once
     "distributed.worker.preload": [__name__],
+    "distributed.deploy.lost-worker-timeout": "100 days",  # a worker that is ended again then would stay away
     "distributed.admin.large-graph-warning-threshold": "1TiB",  # recordings are large
 }
 
@@ -166,12 +167,15 @@ def run(
 
 
 def _outcome(future: Any, place: int, limit_s: float, took_s: float) -> JobOutcome[Any]:
-    """How an attempt ended. Raises Stopped."""
+    """How an attempt ended. Raises Stopped where the worker could not even begin."""
     error: BaseException | None = None
     try:
         if future.status == "finished":
             with suppress(TimeoutError):  # its worker has ended since
-                return JobOutcome(place, Ending.DONE, future.result(timeout=FETCH_S), "")
+                value, why = future.result(timeout=FETCH_S)
+                return JobOutcome(
+                    place, *((Ending.FAILED, None, why) if why else (Ending.DONE, pickle.loads(value), ""))
+                )
         elif future.status == "error":
             error = future.exception(timeout=FETCH_S)
         elif future.status == "pending":
@@ -180,24 +184,22 @@ def _outcome(future: Any, place: int, limit_s: float, took_s: float) -> JobOutco
             raise Stopped(LOST, hint=RESUMES)
     finally:
         future.release()  # what is lost with a worker would be worked out again for who holds on to it
-    if isinstance(error, Stopped):
-        raise error
-    if error is not None and not isinstance(error, KilledWorker):  # one for a person stands for itself
-        text = str(error) if isinstance(error, InputError) else f"{type(error).__name__}: {error}"
-        return JobOutcome(place, Ending.FAILED, None, text)
-    if took_s < limit_s:
-        return JobOutcome(place, Ending.DIED, None, "its process ended or was killed")
-    return JobOutcome(place, Ending.TOO_LONG, None, f"not done within {limit_s:g} s")
+    if error is not None and not isinstance(error, KilledWorker):
+        raise error if isinstance(error, Stopped) else Stopped(f"a worker cannot run jobs: {error!r}", hint=RESUMES)
+    died = (Ending.DIED, None, "its process ended or was killed")
+    return JobOutcome(place, *(died if took_s < limit_s else (Ending.TOO_LONG, None, f"not done within {limit_s:g} s")))
 
 
-def limited(request: bytes, limit_s: float, asked: str) -> Any:
-    """On a worker: the value of a pickled function for its job. asked: the digest of the code that asks."""
+def limited(request: bytes, limit_s: float, asked: str) -> tuple[bytes, str]:
+    """On a worker: what a function gives for its job, all pickled, or why not. asked: the code of who asks."""
     if code() != asked:
         reason = "a worker has other sources of wrcd, or other libraries, than are here"
         raise Stopped(reason, hint="have the same versions everywhere, and start the workers anew")
     function, job = pickle.loads(request)  # not by Dask: its scheduler would load the rig, too
     signal.setitimer(signal.ITIMER_REAL, limit_s)  # SIGALRM ends the process, whatever it is at
     try:
-        return function(job)
+        return pickle.dumps(function(job), pickle.HIGHEST_PROTOCOL), ""
+    except Exception as e:  # one that is written for a person stands for itself
+        return b"", str(e) if isinstance(e, InputError) else f"{type(e).__name__}: {e}"
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)

@@ -28,15 +28,13 @@ PREFIX = "scenario."  # of a factor that sets a key of the scenario otherwise
 NO_FAULT = "none"
 KEPT = 16  # files of a kind that a process keeps
 
-SCENARIO = Factor("scenario", str, needed=True, is_file=True, packaged=True)
-DESIGN = Factor("design", str, is_file=True, packaged=True)
 CONFIGURATION = Factor("configuration", str, is_file=True)
-FAULT = (
+COMMON = (
+    Factor("scenario", str, needed=True, is_file=True, packaged=True),
+    Factor("design", str, is_file=True, packaged=True), CONFIGURATION,
     Factor("fault", str, choices=(NO_FAULT, *KINDS)), Factor("fault_of", str, choices=(*SIGNALS, ALL)),
-    Factor("fault_at_s", float), Factor("fault_for_s", float), Factor("fault_axle", int),
-    Factor("fault_amount", float),
+    *(Factor(f"fault_{name}", float) for name in ("at_s", "for_s", "amount")), Factor("fault_axle", int),
 )  # fmt: skip
-COMMON = (SCENARIO, DESIGN, CONFIGURATION, *FAULT)
 _DEFAULTS = {"fault_at_s": 5.0, "fault_for_s": DURATION_S}
 _KEYS = {"fault": "kind", "fault_at_s": "at_s", "fault_for_s": "duration_s", "fault_of": "of", "fault_axle": "axle",
          "fault_amount": "amount"}  # fmt: skip

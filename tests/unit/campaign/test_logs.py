@@ -270,6 +270,14 @@ def test_log_whose_name_is_no_text_is_a_row_with_its_error(log_of: LogOf, tmp_pa
     assert rows_of(tmp_path / "out")["ending"].to_dict() == {"a/x.log": "done", "b\\xff/x.log": "failed"}
 
 
+@pytest.mark.usefixtures("jobs_here")
+def test_fleet_of_which_nothing_can_be_judged_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    made(tmp_path, "logs/1/a.log", text="no log at all")
+    assert campaign("--logs", tmp_path / "logs", "-o", tmp_path / "out") == Status.STOPPED
+    assert len(pd.read_parquet(tmp_path / "out/kilometres.parquet")) == 0
+    assert "failed: 1/a.log: " in capsys.readouterr().out
+
+
 def made(folder: Path, *names: str, text: str = "") -> Path:
     for name in names:
         file = folder / name

@@ -79,6 +79,28 @@ def refuse(_: int) -> None:
     raise InputError("no", key="x")
 
 
+def test_outcome_that_cannot_be_sent_is_a_failed_one(two: Workers) -> None:
+    (found,) = run(unsendable, [0], two)
+    assert found.ending is Ending.FAILED
+    assert "pickle" in found.error.lower()
+
+
+def unsendable(_: int) -> object:
+    return lambda: None
+
+
+def test_worker_that_cannot_even_begin_stops_all_of_it() -> None:
+    with local(1) as workers, pytest.raises(Stopped, match="a worker cannot run jobs"):
+        list(run(str, [Unreadable()], workers))
+
+
+class Unreadable:
+    """Is pickled here, and by no worker unpickled."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return __import__, ("a_module_that_nobody_has",)
+
+
 @pytest.mark.parametrize("broken_off", [False, True])
 def test_no_process_is_left_when_it_ends(tmp_path: Path, broken_off: bool) -> None:
     record = tmp_path / "record"
