@@ -5,7 +5,7 @@
 # make night  the slowest tests, minutes of processor time, which make test and make check leave out
 # make check  make lint and make test; both, whatever fails
 # make corpus  515 logs from seeds through wrcd replay: whether frames, events and rows are as recorded; minutes. Before every landing
-# make docs   prints what the pages quote from the program again, and builds their site into build/site; make docs-all score, loop, fronts and fault matrix too, an hour
+# make docs   prints what the pages quote from the program again, and builds their site into build/site; make docs-all score and fault matrix too, most of an hour
 # make vcan -- COMMAND  COMMAND where there is a vcan0: on this kernel, or in a throw-away one; without COMMAND a shell
 # make fuzz   property tests with EXAMPLES (10^5) examples each, and a million corrupted frames; hours
 # make soak   HOURS (24) on the virtual clock in one core: nothing grows, drifts or is lost; an eighth of that
@@ -32,7 +32,7 @@ vcan:
 Makefile: ;
 else
 
-.PHONY: loop mark fronts demo pictures test lint check night corpus unit browser hil faults systemd walk fuzz soak coverage bench mutants format design score docs docs-all docs-check lock audit clean deb
+.PHONY: demo pictures test lint check night corpus unit browser hil faults systemd walk fuzz soak coverage bench mutants format design score docs docs-all docs-check lock audit clean deb
 
 demo: $(READY)
 	$(BIN)/sim-ecu demo
@@ -138,37 +138,22 @@ format: $(READY)
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
-# the packaged designs, and what a score compares the lone wheelset's with, the paper's own form among it; takes minutes
+# the packaged designs, and the paper's own form, which a score compares the lone wheelset's with; takes minutes
 design: $(READY)
 	$(BIN)/sim-ecu design --config multiple-unit -o wrcd/data/designs/multiple-unit.design.json
-	$(BIN)/sim-ecu design --config lone-wheelset -o wrcd/data/designs/lone-wheelset.design.json --baselines sim_ecu/data/lone-wheelset.baselines.json
+	$(BIN)/sim-ecu design --config lone-wheelset -o wrcd/data/designs/lone-wheelset.design.json
 	$(BIN)/sim-ecu design --config lone-wheelset --form paper -o sim_ecu/data/lone-wheelset.paper.design.json
 
 # the tables of docs/reference/score.md; 30 minutes of processor time, on two cores
 score: $(READY)
 	$(BIN)/sim-ecu score --json build/score.json --html build/score.html
 
-# the tables of docs/reference/loop.md; twenty minutes on two cores
-loop: $(READY)
-	$(BIN)/sim-ecu loop --json build/loop.json --html build/loop.html
-
-# the tables of docs/reference/fronts.md; eight minutes on two cores
-fronts: $(READY)
-	$(BIN)/sim-ecu fronts --json build/fronts.json --html build/fronts.html
-
-# the tables of docs/reference/mark.md, and docs/mark.png; half an hour on two cores
-mark: $(READY)
-	$(BIN)/python -m tests.support.mark_picture
-
-# what stands between the markers of the pages, the configuration's JSON schema, completion and manual pages, and the site of
-# the pages in build/site: a warning or a dead link fails. docs-check changes nothing
+# what stands between the markers of the pages, and the site of the pages in build/site: a warning or a dead link fails.
+# docs-check changes nothing
 SITE := -m sphinx -q -W --keep-going -n -E -c docs . build/site
 docs: $(READY)
 	$(BIN)/python -m tests.support.pages --write
 	$(BIN)/python -m tests.support.signs_picture
-	$(BIN)/python -m tests.support.schema
-	$(BIN)/python -m tests.support.completion
-	$(BIN)/python -m tests.support.manual
 	$(BIN)/python $(SITE)
 
 docs-all: $(READY)

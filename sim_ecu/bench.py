@@ -27,7 +27,6 @@ from sim_ecu.loop.control.adhesion_consumer import HALF_WIDTHS, TIMEOUT_CYCLES, 
 from sim_ecu.loop.control.adhesion_consumer import TrainController as Controller
 from sim_ecu.loop.control.slip_controller import NAMES, make_controller
 from sim_ecu.loop.drive_scenario import DriveScenario, load_drive_scenario, read_drive_scenario
-from sim_ecu.loop.driver import POLICIES, Driver, make_driver
 from sim_ecu.loop.lockstep import ON_TIME, Listener, Lockstep, Timing
 from sim_ecu.loop.ride_figures import Figures, judge
 from sim_ecu.loop.rig import Step
@@ -45,7 +44,7 @@ from wrcd.core.configuration import Config
 from wrcd.errors import InputError
 
 __all__ = [
-    "Adhesion", "Bench", "Controller", "DriveScenario", "Driver", "Figures", "InputError", "Sensors", "Step", "Timing",
+    "Adhesion", "Bench", "Controller", "DriveScenario", "Figures", "InputError", "Sensors", "Step", "Timing",
     "Truth", "Valve", "scenario",
 ]  # fmt: skip
 
@@ -130,23 +129,21 @@ class Bench:
     """A rig, and beside it what is requested: wrcd's core, a controller; all on one virtual bus.
 
     what: a packaged name, a TOML file or a `scenario()`. daemon: True for wrcd with its packaged configuration, a
-    configuration of its own as a path, or none. controller: one by name ("none", "thresholds", "creep"), an object with
+    configuration of its own as a path, or none. controller: one by name ("none", "thresholds"), an object with
     the two methods of `Controller`, or None: then `demand` sets each axle's demand; an axle whose demand is
     not set has no traction and brakes as the driver demands, as without a controller on a bus. with_adhesion: the named
     controller receives the daemon's frames. on_frame: called with (us from the start, id, data) of every data frame.
-    driver: who decides instead of the scenario's course; one by the name of a policy ("wrcd", "tests", "dry",
-    "slippery") stops at the scenario's mark_m. timing: when in its cycle the controller acts, and how late its
-    demands come. Raises InputError.
+    timing: when in its cycle the controller acts, and how late its demands come. Raises InputError.
     """
 
     def __init__(
         self, what: str | Path | DriveScenario, *, daemon: bool | str | Path = False,
         controller: str | Controller | None = None, with_adhesion: bool = False, on_frame: Listener | None = None,
-        timing: Timing = ON_TIME, driver: str | Driver | None = None,
+        timing: Timing = ON_TIME,
     ) -> None:  # fmt: skip
         self.scenario = what if isinstance(what, DriveScenario) else load_drive_scenario(what)
         self.steps: list[Step] = []  # so far
-        config = _configuration(daemon, len(self.scenario.axles), advice=driver is not None)
+        config = _configuration(daemon, len(self.scenario.axles))
         if with_adhesion and config is None:
             raise InputError("with_adhesion needs a daemon", hint="daemon=True")
         if isinstance(controller, str):
@@ -160,31 +157,13 @@ class Bench:
         self._newest: dict[int, tuple[int, bytes]] = {}  # by id: when, and its data
         wheelset = self.scenario.train.wheelset
         train: Train = PACKAGED if config is None or daemon is True else MappedTrain(config, wheelset)
-        self._run = Lockstep(
-            self.scenario, controller, config, self._take, sensors=True, train=train, timing=timing,
-            driver=self._driver(driver, config),
-        )  # fmt: skip
+        self._run = Lockstep(self.scenario, controller, config, self._take, sensors=True, train=train, timing=timing)
         self._readers: dict[int, tuple[Message, AdhesionReader, float]] = {}  # and the time-out, s
         if config is not None:
             for axle in config.axles:
                 message = find_message(config.database, axle.adhesion.message)
                 timeout_s = TIMEOUT_CYCLES * axle.adhesion.cycle_us * 1e-6
                 self._readers[axle.number] = message, AdhesionReader(message, axle.adhesion), timeout_s
-
-    def _driver(self, driver: str | Driver | None, config: Config | None) -> Driver | None:
-        """A driver by name, or the one that was given."""
-        if driver is None:
-            return None
-        if self.scenario.mark_m is None:
-            raise InputError("the scenario has no mark_m to stop at", key="driver", hint="scenario(…, mark_m=600.0)")
-        if not isinstance(driver, str):
-            return driver
-        if driver == "wrcd" and config is None:
-            raise InputError("a driver who listens to wrcd needs a daemon", key="driver", hint="daemon=True")
-        if driver not in POLICIES:
-            hint = suggest(driver, POLICIES) or f"there are {', '.join(POLICIES)}"
-            raise InputError(f"there is no driver {driver!r}", hint=hint)
-        return make_driver(driver, Facts.of(self.scenario), config)
 
     @property
     def axles(self) -> list[int]:
@@ -248,16 +227,6 @@ class Bench:
             raise InputError(f"takes {', '.join(f'Valve.{v.name}' for v in Valve)}, not {valve!r}", key="valve")
         self._place(axle)
         self._run.rig.demand(axle, float(torque_N_m), Valve(valve))
-
-    def sand(self, axle: int, kg_min: float) -> None:
-        """Command an axle's sander, held until it is set again: kg/min on each rail. It stands before any frame of a
-        controller. Raises InputError for an axle without a sander, or no number of 0 or more."""
-        if not _is_number(kg_min) or not 0.0 <= kg_min < math.inf:
-            raise InputError(f"takes a finite number of 0 or more, not {kg_min}", key="kg_min")
-        sanders = self.scenario.sanders
-        if sanders is None or axle not in sanders.axles:
-            raise InputError(f"axle {axle} has no sander", hint='scenario(…, sanders={"axles": [1]})')
-        self._run.rig.sand(axle, float(kg_min))
 
     def truth(self, axle: int) -> Truth:
         """What is true of an axle after the newest step. Raises InputError before the first."""
@@ -343,10 +312,10 @@ class Bench:
         return float(value)
 
 
-def _configuration(daemon: bool | str | Path, axles: int, advice: bool) -> Config | None:
+def _configuration(daemon: bool | str | Path, axles: int) -> Config | None:
     """The daemon's configuration; None for no daemon."""
     if isinstance(daemon, bool):
-        return load_packaged(axles, advice=advice) if daemon else None
+        return load_packaged(axles) if daemon else None
     return load_config(Path(daemon))
 
 

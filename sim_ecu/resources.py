@@ -2,6 +2,6 @@
 
 from pathlib import Path
 
-FOLDER = Path(__file__).parent / "data"  # with NAME.baselines.json and NAME.paper.design.json of packaged designs
+FOLDER = Path(__file__).parent / "data"  # with NAME.paper.design.json of packaged designs
 TRUTH_DBC = FOLDER / "sim_ecu.dbc"
 PAPER_DESIGN = FOLDER / "lone-wheelset.paper.design.json"  # the paper's own form, for the paper's wheelset

@@ -8,5 +8,3 @@ DESIGNS = DATA / "designs"  # NAME.design.json
 DEFAULT_DESIGN = "multiple-unit"  # the packaged design that holds where none is named
 LONE = "lone-wheelset"  # the packaged design and the vehicle that are the paper's
 DESIGN = DESIGNS / f"{DEFAULT_DESIGN}.design.json"
-COMPLETION = DATA / "completion"
-MANUAL = DATA / "man"

@@ -59,7 +59,7 @@ def run(logs: Logs, folder: Path, jobs: int, scheduler: str | None, again: bool)
     details = [(train, log, json.loads(text)) for train, log, text in told]
     by_km = [(train, log, axle["axle"], km, *metres) for train, log, detail in details for axle in detail["axles"]
              for km, metres in enumerate(axle["metres"])]  # fmt: skip
-    table = pd.DataFrame(by_km, columns=["train", "log", "axle", "km", *CLASSES])
+    table = pd.DataFrame(by_km, columns=["train", "log", "axle", "km", *CLASSES]).astype(dict.fromkeys(CLASSES, float))
     save(folder / KILOMETRES, table.to_parquet)
     save(folder / PICTURE, partial(_draw, table))
     suspects = pd.DataFrame([{"train": t, **s} for t, _, detail in details for s in detail["suspects"]])

@@ -33,9 +33,6 @@ def _add(p: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     add_jobs(p)
     p.add_argument(
-        "--baselines", type=Path, metavar="OUT.json", help="also make what `sim-ecu score` compares this design with"
-    )
-    p.add_argument(
         "--explain", nargs="?", const=DEFAULT_DESIGN, metavar="DESIGN",
         help="make nothing: print what a design is for, and its rules as sentences, with their data: a packaged design "
         f"by its name, or a file (default: {DEFAULT_DESIGN})",
@@ -84,8 +81,8 @@ def _search(args: argparse.Namespace) -> int:
 
 
 def _make(args: argparse.Namespace) -> int:
-    """Make a design file, and what a score compares it with. Deterministic for one set of library versions. Broken off
-    and begun again, it simulates only what is missing."""
+    """Make a design file. Deterministic for one set of library versions. Broken off and begun again, it simulates only
+    what is missing."""
     from sim_ecu.design.brief import read_brief
     from sim_ecu.design.make import bank, fitted, judging, with_placeholder_rules, write
     from sim_ecu.design.pairs import plan_of, require_learning
@@ -93,14 +90,12 @@ def _make(args: argparse.Namespace) -> int:
     from sim_ecu.jobs.pool import local
     from sim_ecu.play.vehicles import vehicle_path
     from sim_ecu.reporting.result_files import check_output, save
-    from sim_ecu.score.baselines import learn
     from wrcd.config.settings import read_toml
-    from wrcd.estimator.design import load_design, parse_design
+    from wrcd.estimator.design import parse_design
     from wrcd.progress import Progress
 
     brief = read_brief(read_toml(vehicle_path(args.config)), args.form)
     check_output("-o", args.output)
-    check_output("--baselines", args.baselines)
     if brief.form == "wrcd":
         require_learning()
     progress = Progress(steps=True)
@@ -117,10 +112,6 @@ def _make(args: argparse.Namespace) -> int:
             watched = pairs(brief.wheelset, plan_of(brief.plan), design, parts, workers, progress.at)
             document = judging(document, watched, progress.at)
         save(args.output, lambda partly: write(document, partly))
-        if args.baselines is not None:
-            progress.at("baselines", 0.0)
-            learnt = learn(load_design(args.output), recordings, brief.plan, workers)
-            save(args.baselines, lambda partly: write(learnt, partly))
     remove_parts(parts)
     progress.end()
     fit = document["fit"]

@@ -13,7 +13,7 @@ def _add(p: argparse.ArgumentParser) -> None:
     add_design(p, LONE)
     p.add_argument(
         "--paper", type=Path, metavar="DESIGN.json",
-        help="a design in the paper's own form, judged beside it (default: the packaged one, for its wheelset)",
+        help="a design in the paper's own form, drawn beside it (default: the packaged one, for its wheelset)",
     )  # fmt: skip
 
 
@@ -26,9 +26,9 @@ def _run(args: argparse.Namespace) -> int:
 
 COMMAND = Subcommand(
     "figures",
-    "the paper's figures, and whether they show what it says",
+    "the paper's figures, from our data",
     (
-        ("sim-ecu figures -o figures", "draw them into a folder, with a verdict for each"),
+        ("sim-ecu figures -o figures", "draw them into a folder, with a page of captions"),
         ("sim-ecu figures -o figures --design my.design.json", "those of a design of your own"),
     ),
     _add,

@@ -17,6 +17,7 @@ def _run(_args: argparse.Namespace) -> int:
     from sim_ecu.loop.drive_scenario import load_drive_scenario
     from sim_ecu.physics.contact import CURVES
     from sim_ecu.physics.stability import hunting_speed_m_s
+    from sim_ecu.play.faults import described
     from sim_ecu.play.scenario import TO_DRIVE, load_scenario, packaged
     from sim_ecu.play.vehicles import load_vehicle, packaged_vehicles, vehicle_title
 
@@ -32,14 +33,16 @@ def _run(_args: argparse.Namespace) -> int:
         hunts = hunting_speed_m_s(load_vehicle(name), CURVES["A"], FASTEST_M_S, SCAN_M_S)
         hunting = f"none below {FASTEST_M_S:g} m/s" if math.isinf(hunts) else f"from {hunts:.1f} m/s"
         print(f"{name:19} vehicle, hunting on dry rail {hunting}: {vehicle_title(name)}")
+    for name, what in described():
+        print(f"{name:19} fault: {what}")
     return 0
 
 
 COMMAND = Subcommand(
     "list",
-    "the packaged scenarios and vehicles",
+    "the packaged scenarios and vehicles, and the kinds of fault",
     (
-        ("sim-ecu list", "name, length, axles and title of each scenario; each vehicle's speed of hunting"),
+        ("sim-ecu list", "each scenario, each vehicle with its speed of hunting, each kind of fault"),
         ("sim-ecu list | grep axle-box", "one of them"),
     ),
     no_arguments,

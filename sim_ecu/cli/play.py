@@ -1,22 +1,17 @@
-"""`sim-ecu play`, and what `sim-ecu inject` has of it: the arguments, and the playing."""
+"""`sim-ecu play`."""
 
 import argparse
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from sim_ecu.cli.arguments import DEFAULT_BUS, add_bus
 from wrcd.cli.program import Subcommand
 from wrcd.errors import InputError
 
-if TYPE_CHECKING:
-    from sim_ecu.play.scenario import Scenario
 
-
-def add_player(p: argparse.ArgumentParser) -> None:
-    """Add the options of where the frames go, and what they are."""
-    add_bus(p, ", or slcan: an interface of our own making (needs root)")
+def _add(p: argparse.ArgumentParser) -> None:
+    add_bus(p)
     p.add_argument("--log", type=Path, metavar="OUT.log", help="write the frames to a log (the suffix is its format)")
     p.add_argument("--fast", action="store_true", help="no bus: as fast as it computes, into --log")
     p.add_argument(
@@ -27,14 +22,27 @@ def add_player(p: argparse.ArgumentParser) -> None:
     p.add_argument(
         "--ahead", action="store_true", help="make all frames before the first is sent: a slow computer keeps time"
     )
+    p.add_argument(
+        "--fault", action="append", default=[], metavar="SPEC",
+        help="KIND:at=S,for=S,of=SIGNAL,axle=N,amount=X, e.g. crc:at=3,for=0.5,of=yaw_rate,axle=1; may be repeated; "
+        "`sim-ecu list` has the kinds",
+    )  # fmt: skip
+    p.add_argument("scenario", metavar="SCENARIO", help="name of a packaged scenario, or a .toml file")
 
 
-def played(scenario: "Scenario", args: argparse.Namespace) -> int:
-    """Play onto a bus or into a log. Returns the exit status."""
+def _run(args: argparse.Namespace) -> int:
+    from dataclasses import replace
+
+    from sim_ecu.play.faults import parse_fault
     from sim_ecu.play.mapped import Train
     from sim_ecu.play.play import play_on_bus, play_to_log
+    from sim_ecu.play.scenario import load_scenario
     from sim_ecu.play.train import PACKAGED
 
+    scenario = load_scenario(args.scenario)
+    numbers = [a.number for a in scenario.axles]
+    given = [parse_fault(spec, numbers, scenario.duration_s) for spec in args.fault]
+    scenario = replace(scenario, faults=(*scenario.faults, *given))
     train: Train = PACKAGED
     if args.config is not None:
         from sim_ecu.play.mapped import MappedTrain
@@ -62,23 +70,15 @@ def played(scenario: "Scenario", args: argparse.Namespace) -> int:
     return 0
 
 
-def _add(p: argparse.ArgumentParser) -> None:
-    add_player(p)
-    p.add_argument("scenario", metavar="SCENARIO", help="name of a packaged scenario, or a .toml file")
-
-
-def _run(args: argparse.Namespace) -> int:
-    from sim_ecu.play.scenario import load_scenario
-
-    return played(load_scenario(args.scenario), args)
-
-
 COMMAND = Subcommand(
     "play",
     "play a scenario onto a bus, or into a log",
     (
         ("sim-ecu play leaf-patch -c vcan0", "in real time onto vcan0"),
-        ("sim-ecu play leaf-patch --fast --log ride.log", "the same into a log, in about a second"),
+        (
+            "sim-ecu play dry --fault crc:at=3,for=0.5,axle=1 --fast --log ride.log",
+            "into a log, in about a second, with wrong check sums for half a second",
+        ),
     ),
     _add,
     _run,

@@ -4,26 +4,19 @@ import argparse
 from pathlib import Path
 
 from sim_ecu.cli.arguments import add_jobs, check_least
-from sim_ecu.score import FUSION, MISSED, SUITES
+from sim_ecu.score import MISSED, SUITES
 from wrcd.cli.arguments import add_design
 from wrcd.cli.program import Subcommand
-from wrcd.resources import DEFAULT_DESIGN, LONE
+from wrcd.resources import DEFAULT_DESIGN
 
 
 def _add(p: argparse.ArgumentParser) -> None:
-    p.add_argument(
-        "--suite", choices=(*SUITES, FUSION),
-        help="only this one; fusion is played so alone, with the lone wheelset and its design",
-    )  # fmt: skip
+    p.add_argument("--suite", choices=SUITES, help="only this one")
     p.add_argument(
         "--quick", action="store_true", help="a twelfth of the runs, too few to judge most goals: one to two minutes"
     )
     add_jobs(p)
     add_design(p)
-    p.add_argument(
-        "--baselines", type=Path, metavar="FILE",
-        help="what `sim-ecu design --baselines` made with the design (default: a packaged design's own)",
-    )  # fmt: skip
     p.add_argument(
         "--beside", action="append", default=[], metavar="NAME=DESIGN",
         help="another design, a packaged one or a file, for the same wheelset, run on the same frames; may be repeated",
@@ -36,21 +29,10 @@ def _add(p: argparse.ArgumentParser) -> None:
 def _run(args: argparse.Namespace) -> int:
     from sim_ecu.score.run_score import run
     from wrcd.config.packaged_designs import design_path
-    from wrcd.errors import InputError
 
     check_least(args, jobs=1)
-    if args.suite == FUSION:
-        from sim_ecu.loop.fusion.run_fusion import run as run_fusion
-
-        for key, given in (("--baselines", args.baselines), ("--beside", args.beside), ("--html", args.html)):
-            if given:
-                raise InputError("is not of the suite fusion", key=key, hint="leave it out: it compares no estimates")
-        of_wheelset = design_path(args.design or LONE)
-        return run_fusion(args.quick, args.jobs, of_wheelset, args.json, args.fail_on)
     design = design_path(args.design or DEFAULT_DESIGN)
-    return run(
-        args.suite, args.quick, args.jobs, design, args.baselines, args.beside, args.json, args.html, args.fail_on
-    )  # fmt: skip
+    return run(args.suite, args.quick, args.jobs, design, args.beside, args.json, args.html, args.fail_on)
 
 
 COMMAND = Subcommand(

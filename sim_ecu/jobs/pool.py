@@ -35,11 +35,12 @@ RESUMES = "the same command goes on from there"
 LOST = "the workers are lost: no scheduler answers any more"
 CONNECT_S = 5.0
 LOOK_S = 0.5  # how often it is looked which workers are there
+BEGIN_S = 120.0  # without any worker of this computer: none will come
 FETCH_S = 60.0  # of a value: its worker may have ended since it was there
 DASK = {
     "distributed.scheduler.allowed-failures": 0,  # said at once
     "distributed.worker.preload": [__name__],
-    "distributed.deploy.lost-worker-timeout": "100 days",  # a worker that is ended again then would stay away
+    "distributed.deploy.lost-worker-timeout": "100 days",  # else one that is just starting anew then is given up
     "distributed.admin.large-graph-warning-threshold": "1TiB",  # recordings are large
 }
 
@@ -137,7 +138,7 @@ def run(
     again: list[tuple[int, int]] = []
     at_work: dict[str, tuple[Any, int, int, float]] = {}  # future, place, attempt, begin: by worker
     ended: SimpleQueue[Any] = SimpleQueue()
-    missing, waited = len(jobs), False
+    missing, absent = len(jobs), 0
     try:
         while missing:
             there = workers.there()
@@ -147,9 +148,11 @@ def run(
                     future = workers.client.submit(limited, request, limit_s, code(), workers=[address], pure=False)
                     at_work[address] = future, *one, time.monotonic()
                     future.add_done_callback(ended.put)
-            if not there and not waited and workers.address:
+            absent = 0 if there else absent + 1
+            if absent == 1 and workers.address:
                 print(f"waiting for workers at {workers.address}", file=sys.stderr, flush=True)
-            waited = not there
+            elif absent * LOOK_S > BEGIN_S and not workers.address:
+                raise Stopped("no worker begins on this computer", hint=RESUMES)
             with suppress(Empty):
                 ended.get(timeout=LOOK_S)
             for address, (future, place, attempt, since_s) in list(at_work.items()):
@@ -173,9 +176,8 @@ def _outcome(future: Any, place: int, limit_s: float, took_s: float) -> JobOutco
         if future.status == "finished":
             with suppress(TimeoutError):  # its worker has ended since
                 value, why = future.result(timeout=FETCH_S)
-                return JobOutcome(
-                    place, *((Ending.FAILED, None, why) if why else (Ending.DONE, pickle.loads(value), ""))
-                )
+                ended = (Ending.FAILED, None, why) if why else (Ending.DONE, pickle.loads(value), "")
+                return JobOutcome(place, *ended)
         elif future.status == "error":
             error = future.exception(timeout=FETCH_S)
         elif future.status == "pending":

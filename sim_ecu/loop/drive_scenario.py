@@ -1,23 +1,21 @@
 """Scenarios to drive: their keys, their parser, and what is driven.
 
 No constant of the actuators is from a source: all are this project's own choice, of the size of a multiple unit's.
-What a figure is worth shows only with others, too: those of the suite *actuators*.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from sim_ecu.physics.actuators import SWEPT, Actuators, Drive, Pneumatics
+from sim_ecu.physics.actuators import Actuators, Drive, Pneumatics
 from sim_ecu.physics.cleaning import Cleaning
-from sim_ecu.physics.sanding import Sand, Sander
 from sim_ecu.play import scenario as play
 from sim_ecu.play import scenario_keys as play_keys
 from sim_ecu.play.faults import read_fault
 from sim_ecu.play.scenario import Course, Scenario, read_axles
 from sim_ecu.play.scenario_keys import Measure, Other, Over
 from sim_ecu.play.vehicles import read_vehicle
-from wrcd.config.keys import Choice, Flag, Key
+from wrcd.config.keys import Choice, Key
 from wrcd.config.settings import Section, read_toml
 
 GROUND, WHEELS = "ground", "wheels"
@@ -26,15 +24,7 @@ SPEED = Over("speed_m_s", "the speed at the start; it moves freely from then on"
 DRIVER = Other("driver", "what the driver asks for", "table", "needed")
 ACTUATORS = Other("actuators", "drive and brakes of every wheelset, where they differ", "table")
 CLEANING = Other("cleaning", "the rail is cleaned by the energy of the slip; without the table it is not", "table")
-SANDERS = Other("sanders", "sanders and what their sand makes of the rail; without the table there is no sand", "table")
-KNOWN_BEFORE = Flag(
-    "known_before", "the rail of the demand was under the wheels before it came: the figures are kept apart", False
-)
 STOP = Measure("stop_m_s", "slower than that, the run is over", 0.0, 100.0, 3.0, unit="m/s")
-MARK = Measure(
-    "mark_m", "where the train is to stand, from its start on: for --driver, who decides then instead of [driver]",
-    0.0, 1e5, 0.0, unit="m",
-)  # fmt: skip
 SPEED_OF_WRCD = Choice(
     "speed_of_wrcd",
     "what VehicleSpeed carries. ground: the true speed and its sensor's noise, as of a radar; wheels: a reference made "
@@ -46,14 +36,9 @@ SPEED_OF_WRCD = Choice(
 DEMAND = Over("demand", "share of the full effort: traction positive, braking negative", -1.0, 1.0)
 
 
-def _swept(name: str) -> str:
-    low, high = SWEPT[name]
-    return f"; the training draws {low:g} … {high:g}"
-
-
 FULL_BRAKE = Measure(
     "full_brake_N_m",
-    f"torque of the full service brake at the wheelset; our choice{_swept('full_brake_N_m')}",
+    "torque of the full service brake at the wheelset; our choice",
     0.0, 2e5, Actuators().full_brake_N_m, unit="N m",
 )  # fmt: skip
 OF_DRIVE = Other("drive", "traction motor and electric brake", "table")
@@ -77,11 +62,11 @@ _OF_PNEUMATICS: Mapping[str, tuple[str, float, float, str]] = {
     "vent_s": ("s", 0.0, 10.0, "time constant of venting"),
 }
 DRIVE_KEYS = tuple(
-    Measure(name, f"{what}; our choice{_swept(name)}", low, high, getattr(Drive(), name), unit=unit)
+    Measure(name, f"{what}; our choice", low, high, getattr(Drive(), name), unit=unit)
     for name, (unit, low, high, what) in _OF_DRIVE.items()
 )
 PNEUMATICS_KEYS = tuple(
-    Measure(name, f"{what}; our choice{_swept(name)}", low, high, getattr(Pneumatics(), name), unit=unit)
+    Measure(name, f"{what}; our choice", low, high, getattr(Pneumatics(), name), unit=unit)
     for name, (unit, low, high, what) in _OF_PNEUMATICS.items()
 )
 
@@ -98,46 +83,19 @@ CLEANING_KEYS = (
     ),
 )  # fmt: skip
 
-SANDER_AXLES = Other("axles", "axles that have a sander ahead of them", "list of the scenario's axles", "needed")
-SANDER_KEYS = (
-    Measure(
-        "max_kg_min",
-        "the most that a sander lays on each rail; 2 is what Britain's multiple units lay, about",
-        0.0, 12.75, Sander().max_kg_min, unit="kg/min",
-    ),
-    Measure(
-        "delay_s", "from the command to the sand on the rail, in whole samples of 5 ms; our choice", 0.0, 10.0,
-        Sander().delay_s, unit="s",
-    ),
-    Measure(
-        "stock_kg", "sand for each rail; when it is used up none comes any more; our choice", 0.0, 1000.0,
-        Sander().stock_kg, unit="kg",
-    ),
-)  # fmt: skip
-SAND_KEYS = (
-    Measure(
-        "sand_g_m", "sand on each rail after which ln mu_0 has gone 63 % of its way to the sanded rail's; our choice",
-        0.01, 1e3, Sand().sand_g_m, unit="g/m",
-    ),
-    Measure("sanded_mu_0", "mu_0 of the rail under much sand; our choice", 0.005, 1.0, Sand().sanded_mu_0),
-    Measure("kept", "share of the sand that an axle leaves to the next one; our choice", 0.0, 1.0, Sand().kept),
-)  # fmt: skip
-
 # That an axle may have otherwise: all that one of a scenario to play may, but a drive of its own.
 SHARED: tuple[Key, ...] = tuple(k for k in play_keys.SHARED if k is not play_keys.DRIVE)
 # By the table's name. The others (rail, wheelset, sensors, axlebox, fault) are those of a scenario to play.
 TABLES: Mapping[str, tuple[Key, ...]] = {
     "": (
         play_keys.TITLE, play_keys.DURATION, play_keys.AXLES, SPEED, *SHARED, play_keys.VEHICLE, play_keys.WHEELSET,
-        play_keys.OF_AXLE, play_keys.FAULT, DRIVER, ACTUATORS, CLEANING, SANDERS, KNOWN_BEFORE, STOP, MARK,
-        SPEED_OF_WRCD,
+        play_keys.OF_AXLE, play_keys.FAULT, DRIVER, ACTUATORS, CLEANING, STOP, SPEED_OF_WRCD,
     ),
     "driver": (DEMAND,),
     "actuators": (FULL_BRAKE, OF_DRIVE, OF_PNEUMATICS),
     "actuators.drive": DRIVE_KEYS,
     "actuators.pneumatics": PNEUMATICS_KEYS,
     "cleaning": CLEANING_KEYS,
-    "sanders": (SANDER_AXLES, *SANDER_KEYS, *SAND_KEYS),
     "axle.N": (*SHARED, play_keys.POSITION),
 }  # fmt: skip
 
@@ -147,34 +105,20 @@ NO_DRIVE = play.DriveCourse("torque_N_m", Course((0.0,), (0.0,)), Course((0.0,),
 
 
 @dataclass(frozen=True, slots=True)
-class Sanders:
-    """The sanders of a train: ahead of which axles, by their numbers, how they are, and what their sand does."""
-
-    axles: tuple[int, ...]
-    each: Sander = field(default_factory=Sander)
-    sand: Sand = field(default_factory=Sand)
-
-
-@dataclass(frozen=True, slots=True)
 class DriveScenario:
     """A situation whose torques nobody has fixed.
 
     train: wheelsets, rail, track, sensors, faults and duration; its drives and held speed are not used. driver: share
-    of the full effort over time, traction positive, braking negative. known_before: the rail of the demand was under
-    the wheels before it came. stop_m_s: slower than that, the run is over. cleaning: None for a rail that stays as it
-    is. sanders: None for a train without sand. speed_of_wrcd: what VehicleSpeed carries, "ground" or "wheels". mark_m:
-    where the train is to stand, from its start on; None: nowhere.
+    of the full effort over time, traction positive, braking negative. stop_m_s: slower than that, the run is over.
+    cleaning: None for a rail that stays as it is. speed_of_wrcd: what VehicleSpeed carries, "ground" or "wheels".
     """
 
     train: Scenario
     driver: Course
     actuators: Actuators = field(default_factory=Actuators)
-    known_before: bool = False
     stop_m_s: float = 3.0
     cleaning: Cleaning | None = None
     speed_of_wrcd: str = GROUND
-    mark_m: float | None = None
-    sanders: Sanders | None = None
 
     @property
     def axles(self) -> list[int]:
@@ -219,12 +163,9 @@ def read_drive_scenario(top: Section, name: str) -> DriveScenario:
         train=train,
         driver=demand,
         actuators=_actuators(top.section("actuators")),
-        known_before=KNOWN_BEFORE.read(top),
         stop_m_s=STOP.of(top),
         cleaning=_cleaning(top),
         speed_of_wrcd=SPEED_OF_WRCD.value(top),
-        mark_m=MARK.of(top) or None,
-        sanders=_sanders(top, [a.number for a in axles]),
     )
     top.done()
     return out
@@ -247,23 +188,6 @@ def _actuators(section: Section) -> Actuators:
 def _cleaning(top: Section) -> Cleaning | None:
     given = _table(top.section("cleaning"), CLEANING_KEYS)
     return Cleaning(**given) if "cleaning" in top else None
-
-
-def _sanders(top: Section, axles: list[int]) -> Sanders | None:
-    section = top.section(SANDERS.name)
-    if SANDERS.name not in top:
-        return None
-    if SANDER_AXLES.name not in section:
-        raise section.absent(SANDER_AXLES.name, f"write the axles that have one, e.g. axles = [{axles[0]}]")
-    given = section.raw(SANDER_AXLES.name)
-    if not isinstance(given, list) or not given or not all(type(n) is int and n in axles for n in given):
-        raise section.error(f"takes a list of the scenario's axles {axles}, not {given!r}", SANDER_AXLES.name)
-    if len(set(given)) != len(given):
-        raise section.error(f"{given!r} names an axle twice", SANDER_AXLES.name)
-    each = Sander(**_values(section, SANDER_KEYS))
-    sand = Sand(**_values(section, SAND_KEYS))
-    section.done()
-    return Sanders(tuple(sorted(given)), each, sand)
 
 
 def _table(section: Section, declared: tuple[play_keys.Measure, ...]) -> dict[str, float]:

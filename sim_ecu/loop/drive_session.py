@@ -9,12 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import can
-import numpy as np
 
 from sim_ecu.loop.bus_end import End, lost, on_bus
 from sim_ecu.loop.drive_scenario import DriveScenario
-from sim_ecu.loop.driver import LEVER_US, STANDS_M_S, Driver
-from sim_ecu.loop.driver_on_bus import LeverOnBus
 from sim_ecu.loop.ride_figures import MIN_SLIDE_SPEED_M_S, judge
 from sim_ecu.loop.rig import LOOP, TRUTH, WRCD, Rig, Step
 from sim_ecu.loop.rig_messages import NONE_YET, SILENT, Silences, counted, times
@@ -44,13 +41,12 @@ class DriveSession:
 
     def __init__(
         self, scenario: DriveScenario, end: End, logger: can.Listener | None = None, truth: bool = True,
-        channel: str = "can0", driver: Driver | None = None,
+        channel: str = "can0",
     ) -> None:  # fmt: skip
         messages = [LOOP, WRCD, *([TRUTH] if truth else [])]
         self.rig, self.steps, self.tally = Rig(scenario, messages), list[Step](), PlayTally()
         self.silences = Silences([str(n) for n in scenario.axles], SAMPLE_US, WORDS, "demand ")
         self._scenario, self.end, self._logger, self._channel = scenario, end, logger, channel
-        self._driver = driver
         self._samples = round(scenario.train.duration_s * 1e6) // SAMPLE_US
         self._came: deque[tuple[int, int, bytes]] = deque()  # frames that no sample has begun after yet
         self._reported_us, self._wait_reported_us = 0, -STATUS_US
@@ -100,10 +96,6 @@ class DriveSession:
             None if h.stamp_us is None and rig.time_us < h.timeout_us else not h.fresh(rig.time_us)
             for h in rig.demands.values()
         ]
-        if self._driver is not None and rig.time_us % LEVER_US == 0:
-            rig.set_share(self._driver.demand(rig.time_us, rig.distance_m, rig.speed_m_s, self._scenario.mark_m))
-            if isinstance(self._driver, LeverOnBus) and self._driver.news is not None:
-                self.end.lines.event(rig.time_us, self._driver.news)
         step = rig.step()
         for what, axles in self.silences.look(step.due_us, silent).items():
             self.end.lines.event(step.due_us, f"axle{'s' * (len(axles) > 1)} {', '.join(axles)}: {what}")
@@ -122,19 +114,15 @@ class DriveSession:
 
     def _listen(self) -> None:
         for stamp_us, f in self.end.receive():
-            if self._driver is not None and self.rig.carries(stamp_us):
-                self._driver.hear(f.can_id, f.data, stamp_us)
-            heard = self._driver is not None and f.can_id in self._driver.ids
-            if f.can_id in self.rig.ids:
-                self._came.append((stamp_us, f.can_id, f.data))
-            if self._logger is not None and (heard or f.can_id in self.rig.ids):
+            if f.can_id not in self.rig.ids:
+                continue
+            self._came.append((stamp_us, f.can_id, f.data))
+            if self._logger is not None:
                 self._logger.on_message_received(message(Sent(0, f.can_id, f.data), f.stamp_us, self._channel))
 
     def _send(self, frames: list[Sent]) -> None:
         wall_us = self.end.wall_us()
         for f in frames:
-            if self._driver is not None:  # what the rig sends does not come back to it
-                self._driver.hear(f.can_id, f.data, f.due_us)
             sent = self.end.send(f.can_id, f.data, wall_us)
             self.tally.frames += sent
             self.tally.unsent += not sent
@@ -161,20 +149,19 @@ class DriveResult:
 
 
 def drive_on_bus(
-    scenario: DriveScenario, interface: str, channel: str, log: Path | None = None, truth: bool = True,
-    driver: Driver | None = None,
-) -> DriveResult:  # fmt: skip
+    scenario: DriveScenario, interface: str, channel: str, log: Path | None = None, truth: bool = True
+) -> DriveResult:
     """Until the scenario is over, or SIGTERM or Ctrl-C comes."""
     if log is not None:
         check_format(log, scenario.train, PACKAGED)
     warm_up = Rig(scenario)
     warm_up.step()  # what is compiled or read at first use is there before the time runs, and frames come
     with (
-        on_bus(interface, channel, (*warm_up.ids, *(driver.ids if driver else ())), confirm=False) as (end, signalled),
+        on_bus(interface, channel, warm_up.ids, confirm=False) as (end, signalled),
         nullcontext() if log is None else open_logger(log) as logger,
     ):
         end.lines.event(0, f"{scenario.train.name} on {interface} {channel}: {scenario.train.duration_s:g} s at most")
-        drive = DriveSession(scenario, end, logger, truth, channel, driver)
+        drive = DriveSession(scenario, end, logger, truth, channel)
         while not signalled() and drive.step():
             time.sleep(drive.wait_s())
         end.lines.end()
@@ -210,11 +197,9 @@ def summary(scenario: DriveScenario, ride: DriveResult) -> list[str]:
         f"  time      {last.due_us * 1e-6:.1f} s: "
         + (f"stopped early, of {train.duration_s:g} s" if early else "the scenario is over"),
         f"  train     {last.speed_m_s:.1f} m/s after {last.distance_m:.0f} m",
-        *_mark(scenario, last),
         f"  demand    {f.seconds:.1f} s and {f.stop_m:.0f} m from when it came, impulse {f.impulse_kNs:.0f} kNs",
         f"  slip      {f.slides} slides above {MIN_SLIDE_SPEED_M_S:g} m/s, largest {f.max_slip_m_s:.2f} m/s, "
         f"beyond the rail's peak for {f.beyond_s:.2f} s, wheels locked for {f.locked_s:.2f} s",
-        *_sand(scenario, ride.steps),
         f"  wear      {f.slip_energy_kJ:.1f} kJ slip energy a wheel, {f.beyond_kJ:.1f} of them beyond the peak"
         + ("" if math.isnan(f.utilisation) else f"; {f.utilisation:.0%} of the available adhesion used"),
         *(f"  axle {n}    demand {_silences(d)}{counted(d['rejected'])}" for n, d in counts["demand"].items()),
@@ -227,29 +212,6 @@ def summary(scenario: DriveScenario, ride: DriveResult) -> list[str]:
             f"{counts['waited_s']:.2f} s in all; repeat the run on an idle one before it is judged"
         )
     return out
-
-
-def _mark(scenario: DriveScenario, last: Step) -> list[str]:
-    """The line of the mark, where there is one."""
-    if scenario.mark_m is None:
-        return []
-    past = last.distance_m - scenario.mark_m
-    where = f"{abs(past):.2f} m {'past' if past > 0.0 else 'before'} the mark at {scenario.mark_m:g} m"
-    return [f"  mark      {'stands' if last.speed_m_s < STANDS_M_S else 'is'} {where}"]
-
-
-def _sand(scenario: DriveScenario, steps: list[Step]) -> list[str]:
-    """The line of the sand, where there are sanders."""
-    laid = ", ".join(f"axle {n} {kg:.2f} kg" for n, kg in sand_kg(scenario, steps).items())
-    return [f"  sand      {laid}, on each rail"] if laid else []
-
-
-def sand_kg(scenario: DriveScenario, steps: list[Step]) -> dict[int, float]:
-    """Return what each sander has laid on each rail, by its axle."""
-    if scenario.sanders is None:
-        return {}
-    total = np.sum([s.sand_kg for s in steps], axis=0)
-    return {n: float(total[scenario.axles.index(n)]) for n in scenario.sanders.axles}
 
 
 def _silences(d: dict[str, Any]) -> str:
@@ -267,9 +229,5 @@ def document(scenario: DriveScenario, ride: DriveResult) -> dict[str, Any]:
         last = ride.steps[-1]
         figures = asdict(judge(ride.steps, scenario))
         out |= {"seconds": last.due_us * 1e-6, "speed_m_s": last.speed_m_s, "distance_m": last.distance_m}
-        if scenario.mark_m is not None:
-            out["past_mark_m"] = last.distance_m - scenario.mark_m
-        if scenario.sanders is not None:
-            out["sand_kg"] = sand_kg(scenario, ride.steps)
         out["figures"] = {k: None if isinstance(v, float) and math.isnan(v) else v for k, v in figures.items()}
     return out | ride.counts

@@ -108,9 +108,6 @@ def slides(slip_m_s: FloatArray, speed_m_s: FloatArray) -> int:
     return int(np.sum((np.diff(held, axis=0) == 1) & (speed_m_s >= MIN_SLIDE_SPEED_M_S)[:, None]))
 
 
-# The truth may lie outside the 90 % interval for some tenths of a second after a drop (docs/reference/score.md, drops:
-# 0.46 s at most). An axle that is Valid and outside for longer at a stretch is wrong.
-ALLOWED_S = 0.5
 GAP_US = 60_000  # the frame's time-out: a longer silence ends a stretch
 
 
@@ -137,11 +134,6 @@ class Honesty:
     outside: float
     outside_s: float
     over_s: float
-
-    @property
-    def wrong(self) -> bool:
-        """Whether it is wrong for longer than the interval allows."""
-        return self.outside_s > ALLOWED_S
 
 
 def adhesion_series(frames: Mapping[int, MessageFrames]) -> dict[int, AdhesionSeries]:

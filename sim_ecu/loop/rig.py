@@ -1,6 +1,6 @@
 """The rig with its loop open to the bus: plant, actuators, sensors, driver. No clock and no bus of its own."""
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,12 +8,11 @@ import numpy as np
 from sim_ecu.loop.drive_scenario import WHEELS, DriveScenario
 from sim_ecu.loop.rig_messages import BRAKE, COAST, TRACTION, NewestFrame, SilenceRecord, rig_message
 from sim_ecu.physics.actuators import AxleActuators, Valve
-from sim_ecu.physics.sanding import SanderState
 from sim_ecu.physics.sensors import Sensor
-from sim_ecu.physics.simulation import NO_LIMIT, Samples, Simulation
-from sim_ecu.physics.wheelset import CREEP_AT_PEAK, MU_AVAILABLE, MU_USED, TORQUE, W_L, W_R, Command, FloatArray
+from sim_ecu.physics.simulation import Samples, Simulation
+from sim_ecu.physics.wheelset import CREEP_AT_PEAK, MU_AVAILABLE, MU_USED, TORQUE, W_L, W_R, FloatArray
 from sim_ecu.play.encoder import SAMPLE_US, Channel, Reading, SensorSample, Sent
-from sim_ecu.play.faults import SILENT, Fault
+from sim_ecu.play.faults import SILENT
 from sim_ecu.play.inject import at_work, inject
 from sim_ecu.play.mapped import Train
 from sim_ecu.play.player import Sensing, on_tracks
@@ -71,19 +70,12 @@ class Sensed:
             self._wheel_rng = np.random.default_rng([axles[0].seed, 6])
         self._encoder = train.encoder(self._numbers, truth)
         self._next: list[SensorSample] = []
-        self._seed, self._truth, self._train = axles[0].seed, truth, train
         self._faulted: Iterator[tuple[int, list[Sent]]] | None = None
-        self.take_faults(scenario.train.faults)
-
-    def take_faults(self, faults: Sequence[Fault]) -> None:
-        """These faults act from now on, and no others. What was before the sample that comes is not known to them."""
-        at_work(faults, self._numbers, self._seed, self._train)  # whether they can be made
+        faults = scenario.train.faults
+        at_work(faults, self._numbers, axles[0].seed, train)  # whether they can be made
         self._silent = [f for f in faults if f.kind in SILENT]
-        # one sample at a time, each in two halves
-        self._faulted = (
-            inject(self._one_by_one(), faults, self._numbers, self._seed, self._truth, self._train)
-            if faults else None
-        )  # fmt: skip
+        if faults:  # one sample at a time, each in two halves
+            self._faulted = inject(self._one_by_one(), faults, self._numbers, axles[0].seed, truth, train)
 
     def carries(self, due_us: int) -> bool:
         """Return whether the bus carries frames at a time: not with the link down, the device gone or the bus off."""
@@ -133,12 +125,11 @@ class Step:
     mu_used: FloatArray
     slip_m_s: FloatArray
     slip_energy_J: FloatArray  # dissipated in this sample, both wheels
-    sand_kg: FloatArray  # laid on each rail in this sample
     frames: list[Sent]
 
 
 class Rig:
-    """Steps a scenario by 5 ms. Demands come by `hear`, as frames, or by `demand` and `sand`.
+    """Steps a scenario by 5 ms. Demands come by `hear`, as frames, or by `demand`.
 
     receivers: for whom frames are made. train: the messages of the sensors. Raises InputError for a fault or an axle
     that they leave no way to.
@@ -149,11 +140,7 @@ class Rig:
         played, axles = scenario.train, scenario.train.axles
         self._dt = SAMPLE_US * 1e-6
         speed = float(played.speed.at(np.zeros(1))[0])
-        sanders = scenario.sanders
-        self._simulation = Simulation(
-            played.wheelset, on_tracks(axles), speed, self._dt,
-            cleaning=scenario.cleaning, sand=None if sanders is None else sanders.sand,
-        )  # fmt: skip
+        self._simulation = Simulation(played.wheelset, on_tracks(axles), speed, self._dt, cleaning=scenario.cleaning)
         self._actuators = [AxleActuators(scenario.actuators, self._dt) for _ in axles]
         self._receivers = frozenset(receivers)
         numbers = scenario.axles
@@ -161,27 +148,21 @@ class Rig:
         self._sensed = Sensed(scenario, TRUTH in self._receivers, train)
         self._rngs = [np.random.default_rng([a.seed, 5]) for a in axles]
         self._driver = Channel(rig_message("DriverDemand"))
-        self._train = None if scenario.mark_m is None else Channel(rig_message("TrainPosition"))
         self._wheels = [Channel(rig_message(f"WheelSpeed_A{n}")) for n in numbers]
         self._cylinders = [Channel(rig_message(f"BrakePressure_A{n}")) for n in numbers]
         self.demands = {m.message.frame_id: m for m in (NewestFrame(rig_message(f"Demand_A{n}")) for n in numbers)}
         self._by_place = list(self.demands.values())
-        self._sanders = {} if sanders is None else {n: SanderState(sanders.each, self._dt) for n in sanders.axles}
-        self._sand_frames = {n: NewestFrame(rig_message(f"Sand_A{n}")) for n in self._sanders}
-        self._sand_direct: dict[int, float] = {}
-        self._received = self.demands | {m.message.frame_id: m for m in self._sand_frames.values()}
-        self.ids = tuple(self._received)  # of the messages that it takes
+        self.ids = tuple(self.demands)  # of the messages that it takes
         self._direct: list[tuple[float, Valve] | None] = [None] * len(numbers)
         self.silences = [SilenceRecord(SAMPLE_US, came=True) for _ in numbers]  # one that never comes is a silence, too
         self._radius_m = played.wheelset.r_0
         self._shares: list[float] = []  # the driver's demand, by sample, as far as it is made
-        self._share_given: float | None = None  # instead of that
         self._torques = np.zeros((2, len(numbers)))
         self.time_us = 0
 
     def hear(self, can_id: int, data: bytes, stamp_us: int) -> None:
-        """Take a frame from the bus at a time (us from the start); others than Demand and Sand are not for the rig."""
-        message = self._received.get(can_id)
+        """Take a frame from the bus at a time (us from the start); others than Demand are not for the rig."""
+        message = self.demands.get(can_id)
         if message is not None and self.carries(stamp_us):
             message.take(data, stamp_us)
 
@@ -189,58 +170,19 @@ class Rig:
         """Return whether the scenario's faults leave a bus at a time; without one nobody receives anything."""
         return self._sensed.carries(due_us)
 
-    def take_faults(self, faults: Sequence[Fault]) -> None:
-        """These faults of the scenario's inputs act from now on, and no others."""
-        self._sensed.take_faults(faults)
-
     def demand(self, axle: int, torque_N_m: float, valve: Valve = Valve.FILL) -> None:
         """Set an axle's demand without a frame; it holds until it is set again. KeyError for an axle that is not."""
         self._direct[self._place[axle]] = (torque_N_m, valve)
 
-    @property
-    def speed_m_s(self) -> float:
-        """Of the train over ground."""
-        return float(self._simulation.train[0])
-
-    @property
-    def distance_m(self) -> float:
-        """Way since the start."""
-        return float(self._simulation.train[1])
-
-    def sand(self, axle: int, kg_min: float) -> None:
-        """Command an axle's sander without a frame (kg/min on each rail); it holds until it is set again. KeyError for
-        an axle that has none."""
-        if axle not in self._sanders:
-            raise KeyError(axle)
-        self._sand_direct[axle] = kg_min
-
-    def set_share(self, share: float) -> None:
-        """Set the driver's demand (-1 … 1), instead of the scenario's course; it holds until it is set again."""
-        self._share_given = share
-
-    def end_daemon(self) -> None:
-        """Make no more frames for wrcd: nobody would receive them."""
-        self._receivers -= {WRCD, TRUTH}
-
-    def coast(self, samples: int, holds_speed: bool = True) -> None:
-        """So many samples on at once, all actuators at rest, nothing sensed. holds_speed: the train keeps its speed,
-        pulled as it needs to be; else it runs out."""
-        axles = len(self._place)
-        torque, nothing = np.zeros((samples, axles)), np.full((samples, axles), np.nan)
-        command = Command(torque, nothing, nothing, nothing, np.full((samples, axles), NO_LIMIT))
-        self._simulation.advance(command, np.full(samples, self.speed_m_s if holds_speed else np.nan))
-        self.time_us += samples * SAMPLE_US
-
     def step(self) -> Step:
         """One sample of 5 ms on."""
         share = self._share()
-        speed = self.speed_m_s
+        speed = float(self._simulation.train[0])
         traction, brake, wheel = self._torques[0], self._torques[1], self._wheel_m_s()
         for k, a in enumerate(self._actuators):
             self._actuate(k, a, max(-share, 0.0), speed, float(wheel[k]))
             traction[k], brake[k] = max(a.drive_N_m, 0.0), a.friction_N_m + max(-a.drive_N_m, 0.0)
-        sand_kg = self._sand()
-        samples = self._simulation.step(traction, brake, sand_kg)
+        samples = self._simulation.step(traction, brake)
         self.time_us += SAMPLE_US
         y, speed = samples.outputs[0], float(samples.speed_m_s[0])
         wheel = self._wheel_m_s()
@@ -254,19 +196,8 @@ class Rig:
         return Step(
             self.time_us, speed, float(samples.distance_m[0]), share, wheel, y[:, TORQUE].copy(), pressure,
             y[:, MU_AVAILABLE].copy(), y[:, CREEP_AT_PEAK].copy(), y[:, MU_USED].copy(), wheel - speed, energy,
-            sand_kg, frames,
+            frames,
         )  # fmt: skip
-
-    def _sand(self) -> FloatArray:
-        """The sand that comes to each rail in the coming sample (kg), by axle. A silent command is none."""
-        out = np.zeros(len(self._actuators))
-        for n, sander in self._sanders.items():
-            rate = self._sand_direct.get(n)
-            if rate is None:
-                frame = self._sand_frames[n]
-                rate = float(frame.values["Rate"]) if frame.fresh(self.time_us) else 0.0
-            out[self._place[n]] = sander.step(rate)
-        return out
 
     def _wheel_m_s(self) -> FloatArray:
         """Each axle's circumferential speed, mean of its wheels."""
@@ -275,8 +206,6 @@ class Rig:
 
     def _share(self) -> float:
         """The driver's demand now, signed."""
-        if self._share_given is not None:
-            return self._share_given
         k = self.time_us // SAMPLE_US
         if k >= len(self._shares):
             times = np.arange(len(self._shares), k + BLOCK, dtype=np.float64) * (SAMPLE_US * 1e-6)
@@ -284,12 +213,9 @@ class Rig:
         return self._shares[k]
 
     def _actuate(self, k: int, actuators: AxleActuators, brake: float, speed_m_s: float, wheel_m_s: float) -> None:
-        """One axle's actuators through the coming sample. A driver who brakes gets no traction, whoever demands it.
-
-        A Demand that is Shared may have more of the electric brake than the driver's share of an axle.
-        """
+        """One axle's actuators through the coming sample. A driver who brakes gets no traction, whoever demands it."""
         a = self.scenario.actuators
-        direct, shared = self._direct[k], False
+        direct = self._direct[k]
         if direct is None:
             demand = self._by_place[k]
             silent = not demand.fresh(self.time_us)
@@ -299,8 +225,7 @@ class Rig:
                 actuators.step(0.0, Valve.FILL, a.demand_bar(brake, speed_m_s, electric=False), 0.0)
                 return
             direct = float(demand.values["Torque"]), VALVES.get(demand.values["Valve"], Valve.FILL)
-            shared = brake > 0.0 and demand.values["Shared"] == 1
-        electric = a.electric_N_m(max(brake, -direct[0] / a.full_brake_N_m) if shared else brake, speed_m_s)
+        electric = a.electric_N_m(brake, speed_m_s)
         traction = 0.0 if brake > 0.0 else a.drive.traction_N_m(wheel_m_s, self._radius_m)
         actuators.step(*direct, a.demand_bar(brake, speed_m_s), electric, traction)
 
@@ -309,10 +234,6 @@ class Rig:
         if now % self._driver.every_us == 0:
             mode = COAST if share == 0.0 else TRACTION if share > 0.0 else BRAKE
             out.append(self._driver.encode(now, {"Mode": mode, "Share": abs(share)}))
-        mark_m = self.scenario.mark_m
-        if self._train is not None and mark_m is not None and now % self._train.every_us == 0:
-            at_m = self.distance_m
-            out.append(self._train.encode(now, {"Position": at_m, "ToMark": mark_m - at_m}))
         for k, (rng, tachometer, cylinder) in enumerate(zip(self._rngs, self._wheels, self._cylinders, strict=True)):
             if now % tachometer.every_us == 0:
                 out.append(tachometer.encode(now, {"WheelSpeed": TACHOMETER.measure_one(float(wheel[k]), rng)}))

@@ -5,11 +5,8 @@ Constants are this project's own choice where no source is given; they are of th
 
 import math
 from collections import deque
-from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from enum import IntEnum
-
-import numpy as np
 
 EMPTY_BAR = 1e-6
 
@@ -70,47 +67,10 @@ class Actuators:
             return whole
         return whole * max(2.0 * speed_m_s / self.drive.fades_m_s - 1.0, 0.0)
 
-    def most_brake_N_m(self, brake_share: float, speed_m_s: float) -> float:
-        """Return the most that both brakes give where a controller may shift electric effort: the whole electric brake,
-        and the friction brake that the driver's share asks for."""
-        friction_N_m = self.demand_bar(brake_share, speed_m_s) * self.pneumatics.torque_per_bar_N_m
-        return self.electric_N_m(self.drive.max_brake_N_m / self.full_brake_N_m, speed_m_s) + friction_N_m
-
     def demand_bar(self, brake_share: float, speed_m_s: float, electric: bool = True) -> float:
         """Return the pressure for what the electric brake is not to give; electric False: for all."""
         rest = brake_share * self.full_brake_N_m - (self.electric_N_m(brake_share, speed_m_s) if electric else 0.0)
         return min(rest / self.pneumatics.torque_per_bar_N_m, self.pneumatics.max_bar)
-
-
-# Lowest and highest that a constant of the defaults may be: what `swept` draws from. This project's own choice, too.
-SWEPT: Mapping[str, tuple[float, float]] = {
-    "max_traction_N_m": (20_000.0, 30_000.0),
-    "max_brake_N_m": (0.0, 25_000.0),
-    "lag_s": (0.03, 0.10),
-    "rise_N_m_s": (30_000.0, 120_000.0),
-    "fall_N_m_s": (90_000.0, 360_000.0),
-    "fades_m_s": (2.0, 6.0),
-    "torque_per_bar_N_m": (5_000.0, 8_000.0),
-    "max_bar": (4.5, 6.0),
-    "valve_delay_s": (0.015, 0.06),
-    "fill_s": (0.15, 0.50),
-    "vent_s": (0.08, 0.30),
-    "full_brake_N_m": (16_000.0, 22_000.0),
-    "max_power_kW": (1_200.0, 2_400.0),
-    "cut_out_m_s": (60.0, 80.0),
-}
-ASIDE = ("max_power_kW", "cut_out_m_s")
-
-
-def swept(rng: np.random.Generator) -> Actuators:
-    """Actuators whose constants are drawn from SWEPT, evenly: the defaults are one of many trains.
-
-    Traction's limits are drawn aside: they leave all else that a seed draws as it is without them.
-    """
-    aside = rng.spawn(1)[0]
-    drawn = {name: float((aside if name in ASIDE else rng).uniform(*between)) for name, between in SWEPT.items()}
-    drive, pneumatics = ({f.name: drawn[f.name] for f in fields(kind)} for kind in (Drive, Pneumatics))
-    return Actuators(Drive(**drive), Pneumatics(**pneumatics), drawn["full_brake_N_m"])
 
 
 class AxleActuators:

@@ -16,6 +16,7 @@ KALKER_A_OVER_B = np.array(
 KALKER_C11 = np.array(
     [3.31, 3.37, 3.44, 3.53, 3.62, 3.72, 3.81, 3.91, 4.01, 4.12, 4.22, 4.36, 4.54, 4.78, 5.10, 5.57, 6.34, 7.78, 11.7]
 )
+RATIO_TOLERANCE = 0.02  # how far a case's a/b may be rounded
 
 
 def kalker_c11(a_m: float, b_m: float) -> float:
@@ -116,3 +117,31 @@ def peak(speed_m_s: float, c: Contact, mu_0: float, A: float, B: float, k_A: flo
             left = x1
     creep = math.exp(0.5 * (left + right))
     return creep, traction_ratio(creep, speed_m_s, c, mu_0, A, B, k_A, k_S)
+
+
+def creep_force(
+    a_over_b: float, semi_axis_a_mm: float, semi_axis_b_mm: float, normal_load_N: float, shear_modulus_MPa: float,
+    poisson: float, friction: float, creep_x: float, creep_y: float, *, k_A: float = 1.0, k_S: float = 1.0,
+) -> tuple[float, float]:  # fmt: skip
+    """(Fx, Fy) over mu N (no unit) of a single contact without spin, to be laid beside another program's.
+
+    A case is a row of tests/data/contact_no_spin.csv, whose columns have these names; a is the semi-axis in the rolling
+    direction. Friction is constant. The force has the signs of the creepages; CONTACT's has the opposite ones. poisson
+    has no part in it: c11 is Kalker's for 0.25. k_A and k_S: as of CreepCurve. Raises ValueError for a ratio that is
+    not the axes' or is beyond Kalker's table, and for a size that is not above 0.
+    """
+    sizes = (semi_axis_a_mm, semi_axis_b_mm, normal_load_N, shear_modulus_MPa, friction, k_A, k_S)
+    if not all(0.0 < size < math.inf for size in sizes):
+        raise ValueError(f"axes, load, shear modulus, friction, k_A and k_S are above 0, not {sizes}")
+    if not KALKER_A_OVER_B[0] <= a_over_b <= KALKER_A_OVER_B[-1]:
+        raise ValueError(f"a_over_b is {a_over_b:g}, beyond Kalker's table")
+    if abs(a_over_b / (semi_axis_a_mm / semi_axis_b_mm) - 1.0) > RATIO_TOLERANCE:
+        raise ValueError(f"a_over_b is {a_over_b:g}, but the semi-axes make it {semi_axis_a_mm / semi_axis_b_mm:.4g}")
+    a, b = semi_axis_a_mm * 1e-3, semi_axis_b_mm * 1e-3
+    c = contact(normal_load_N, a, b, shear_modulus_MPa * 1e6, kalker_c11(a, b))
+    creep = math.hypot(creep_x, creep_y)
+    if creep == 0.0:
+        return 0.0, 0.0
+    # A = 1 and B = 0: friction does not fall, so that the speed (1 m/s) does not matter
+    size = traction_ratio(creep, 1.0, c, friction, 1.0, 0.0, k_A, k_S) / friction
+    return size * creep_x / creep, size * creep_y / creep

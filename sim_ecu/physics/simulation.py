@@ -6,12 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sim_ecu.physics.cleaning import Cleaning
+from sim_ecu.physics.cleaning import CleanedRail, Cleaning
 from sim_ecu.physics.integration import Rides, integrate
 from sim_ecu.physics.rail import RAIL_COLUMNS
-from sim_ecu.physics.sanding import Sand
 from sim_ecu.physics.track import SPACING_M, Track
-from sim_ecu.physics.treated_rail import TreatedRail
 from sim_ecu.physics.wheelset import (
     AXLE_STATES,
     BOGIE_STATES,
@@ -92,8 +90,8 @@ def _in_bogies(axles: Sequence[Axle], bogie: Bogie | None) -> tuple[list[tuple[A
 
 class Simulation:
     """Equations (1)-(12) in time, of axles alone or in bogies, as the wheelset says. step_scale 2 halves the
-    integration step (for the convergence test). cleaning: by the slip of the axles; sand: what their sanders lay; both
-    in step() alone, None for a rail that stays as it is."""
+    integration step (for the convergence test). cleaning: by the slip of the axles, in step() alone; None for a rail
+    that stays as it is."""
 
     def __init__(
         self,
@@ -103,7 +101,6 @@ class Simulation:
         sample_s: float = 0.005,
         step_scale: float = 1.0,
         cleaning: Cleaning | None = None,
-        sand: Sand | None = None,
     ) -> None:
         if not 1 <= len(axles) <= LANES:
             raise ValueError(f"a train has one to {LANES} axles here, not {len(axles)}")
@@ -139,12 +136,10 @@ class Simulation:
         self._numbers = [[*constants(w, first), *c] for first in leading]
         self._leaders = [-1 if bogie is None else k - k % 2 for k in range(n)]
         steepest = [float(np.max(r[:, 4] + r[:, 5])) for r in self._rails]
-        treatments = [t for t in (cleaning, sand) if t is not None]
-        steepest += [t.steepest for t in treatments]
-        self._cleaning, self._sand = cleaning, sand
-        self._treated: TreatedRail | None = None
-        if treatments:
-            self._treated = TreatedRail(treatments, self._rails, [a.position_m for a in self._lanes])
+        self._cleaned: CleanedRail | None = None
+        if cleaning is not None:
+            steepest.append(cleaning.steepest)
+            self._cleaned = CleanedRail(cleaning, self._rails, [a.position_m for a in self._lanes])
         self._load_N = 2 * wheelset.normal_N
         slope = max(steepest) * 2 / np.pi * c.stiffness_N
         self._stiffest = slope * max(w.r_0**2 / min(w.I_L, w.I_R), 2 / w.m_w, 2 * w.L_g**2 / w.I_w)
@@ -174,11 +169,11 @@ class Simulation:
         compiled for one layout."""
         return Command(*(np.ascontiguousarray(c[:, self._sources]) for c in command))
 
-    def step(self, torque_N_m: FloatArray, brake_N_m: FloatArray, sand_kg: FloatArray | None = None) -> Samples:
+    def step(self, torque_N_m: FloatArray, brake_N_m: FloatArray) -> Samples:
         """One sample interval of a train that moves freely, without limit of creep; arrays (axles,).
 
         torque_N_m: of the drives, which turn a wheel either way. brake_N_m: what the brakes can hold, no less than 0;
-        they oppose the wheel's turning and hold one that stands. sand_kg: on a rail, by the sander ahead of each axle.
+        they oppose the wheel's turning and hold one that stands.
         """
         n = len(self._lanes)
         if self._ridden == RIDE_SAMPLES:
@@ -188,8 +183,8 @@ class Simulation:
         train = np.empty((n, 2))
         train[:] = self.train
         before_m = float(self.train[1])
-        if self._treated is not None:
-            tables = self._treated.tables(before_m, float(self.train[0]) * self._sample_s)
+        if self._cleaned is not None:
+            tables = self._cleaned.tables(before_m, float(self.train[0]) * self._sample_s)
             self._ride = self._ride._replace(
                 rails=np.concatenate(tables), first_rail=np.cumsum([0, *(len(t) for t in tables)])
             )
@@ -199,19 +194,10 @@ class Simulation:
             self._sample_s, self._step_scale,
         )  # fmt: skip
         self.train = train[0]
-        if self._treated is not None:
-            self._treat(self._treated, Samples(out, journey[:, 0, 0], journey[:, 0, 1]), sand_kg, before_m)
+        if self._cleaned is not None:
+            energy_J = self.slip_energy_J(Samples(out, journey[:, 0, 0], journey[:, 0, 1]))[0]
+            self._cleaned.add(energy_J / 1e3, before_m, float(self.train[1]))
         return Samples(out[:, self._places], journey[:, 0, 0], journey[:, 0, 1])
-
-    def _treat(self, rail: TreatedRail, every: Samples, sand_kg: FloatArray | None, before_m: float) -> None:
-        """Put on the rail what one sample of all wheelsets leaves there."""
-        to_m = float(self.train[1])
-        if self._cleaning is not None:
-            rail.add(self._cleaning, self.slip_energy_J(every)[0] / 1e3, before_m, to_m)
-        if self._sand is not None and sand_kg is not None:
-            sand_g = np.zeros(len(self._lanes))
-            sand_g[self._places] = sand_kg * 1e3
-            rail.add(self._sand, sand_g, before_m, to_m)
 
     def slip_energy_J(self, s: Samples) -> FloatArray:
         """Return what both wheels' slip along the rail dissipates in each sample, (samples, axles)."""

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from sim_ecu import resources
-from sim_ecu.play.demo_screen import SHOWN, Screen
+from sim_ecu.play.demo_screen import Screen
 from sim_ecu.play.interface import open_bus
 from sim_ecu.play.mapped import MappedTrain, Train
 from sim_ecu.play.observer import BusObserver, ObservedTrace
@@ -75,15 +75,9 @@ def _play(
         cleanup.callback(link.close)
         own_stamps = {"preserve_timestamps": True} if interface == "virtual" else {}
         rig_bus = cleanup.enter_context(open_bus(interface, channel, train.has_fd, **own_stamps))
-        screen, shown = Screen(numbers, _unmapped(config, numbers)), 0
+        screen, shown = Screen(numbers), 0
 
-        def write_line(line: str) -> None:
-            """The daemon's log without the changes of Validity, which the screen shows in words."""
-            if not line.startswith("axle "):
-                now_s = pace.wall_us() * 1e-6
-                screen.daemon(line, now_s - (now_s if observer.first_s is None else observer.first_s))
-
-        daemon = Daemon(core, link, clock=pace.wall_us, steady=pace.steady_us, write=write_line)
+        daemon = Daemon(core, link, clock=pace.wall_us, steady=pace.steady_us, write=lambda _: None)
         screen.begin()
         rig = RealTime(scenario, rig_bus, None, ahead=True, train=train, clock=pace)
         shown_s = 0.0
@@ -113,12 +107,6 @@ def _play(
 
 
 FALL_FRAMES = 5  # 0.1 s: so long an estimate takes to follow a rail
-
-
-def _unmapped(config: Config, numbers: Sequence[int]) -> list[str]:
-    """Return what the screen would show of these axles, and some of them do not send."""
-    sent = [a.adhesion.signals for a in config.axles if a.number in numbers]
-    return [name for name in SHOWN if any(name not in signals for signals in sent)]
 
 
 def default_bus() -> tuple[str, str]:

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
 
@@ -80,7 +80,7 @@ KINDS = {
     "error-flood": FaultKind(Stage.BUS, "CAN error frames", "frames/s", (1000.0,), 1.0, 20_000.0),
     "link-down": FaultKind(Stage.BUS, "the interface goes down and up again (vcan; needs root)"),
     "device-gone": FaultKind(Stage.BUS, "the interface is deleted and made again (vcan; needs root)"),
-    "bus-off": FaultKind(Stage.BUS, "the controller goes bus-off (slcan; needs root)"),
+    "bus-off": FaultKind(Stage.BUS, "the controller goes bus-off (with --fast)"),
 }  # fmt: skip
 SILENT = ("link-down", "device-gone", "bus-off")  # no frame gets through
 
@@ -179,11 +179,8 @@ def _is_number(text: str) -> bool:
     return re.fullmatch(r"[+-]?(0|[1-9][0-9]*)(\.[0-9]+)?(e[+-]?[0-9]+)?", text) is not None
 
 
-def listing() -> str:
-    """The kinds, a line each."""
-    width = max(map(len, KINDS))
-    lines = []
+def described() -> Iterator[tuple[str, str]]:
+    """The kinds: name, and what each is with its default amounts."""
     for name, k in KINDS.items():
         default = ", ".join(f"{a:g}" for a in k.amounts)
-        lines.append(f"{name:{width}}  {k.what}{f' (amount: {default} {k.unit})' if k.amounts else ''}")
-    return "\n".join(lines)
+        yield name, k.what + (f" (amount: {default} {k.unit})" if k.amounts else "")

@@ -75,7 +75,7 @@ class FrameFault:
         return (f,)
 
     def _error(self, reason: str, hint: str = "") -> InputError:
-        return InputError(reason, key=f"fault {self.fault.kind}", hint=hint or "sim-ecu inject --list names others")
+        return InputError(reason, key=f"fault {self.fault.kind}", hint=hint or "sim-ecu list names others")
 
     def _resent(self, f: Sent, data: bytes | bytearray) -> tuple[Sent]:
         """Return other contents under a right CRC."""

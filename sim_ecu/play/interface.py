@@ -31,9 +31,9 @@ def check(faults: Sequence[Fault], interface: str, channel: str) -> None:
     for f in faults:
         if f.kind not in SILENT:
             continue
-        if f.kind == "bus-off" and interface != "slcan":
-            raise InputError("only a slcan interface can be set so", key=f.kind, hint="-i slcan -c can7, or --fast")
-        if f.kind != "bus-off" and (interface != "socketcan" or not channel.startswith("vcan")):
+        if f.kind == "bus-off":
+            raise InputError("cannot be made on a bus", key=f.kind, hint="--fast")
+        if interface != "socketcan" or not channel.startswith("vcan"):
             raise InputError(
                 "is made on an interface that nobody misses", key=f.kind, hint="-i socketcan -c vcan1, or --fast"
             )

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING
+from typing import Any, Protocol
 
 import can
 
@@ -21,11 +21,8 @@ from sim_ecu.play.pace import Clock
 from sim_ecu.play.player import LARGE_CHUNK, Player
 from sim_ecu.play.scenario import Scenario
 from sim_ecu.play.train import PACKAGED
-from wrcd.errors import BusError, InputError
+from wrcd.errors import BusError
 from wrcd.progress import Progress
-
-if TYPE_CHECKING:
-    from sim_ecu.play.slcan import Slcan
 
 # A log made without a bus begins at this moment, so that the same scenario gives the same bytes.
 LOG_START_US = 1_700_000_000_000_000
@@ -91,6 +88,25 @@ def play_to_log(scenario: Scenario, log: Path, truth: bool = True, train: Train 
     return tally
 
 
+class Sender(Protocol):
+    """What frames are played onto: a bus of python-can's, or what stands in for one."""
+
+    channel_info: Any
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Send at once, or not at all."""
+
+
+class FaultyBus(Sender, Protocol):
+    """One that can be taken away."""
+
+    def begin(self, fault: Fault) -> None:
+        """A fault begins: take it away, if the fault does."""
+
+    def end(self, fault: Fault) -> None:
+        """The fault ends: give it back."""
+
+
 class RealTime:
     """Plays in real time. step() sends what is due, so that a loop may do other things between. on_fault is called
     when a fault begins (True) and when it ends. ahead makes all frames before the first is due: then playing costs
@@ -99,7 +115,7 @@ class RealTime:
     def __init__(
         self,
         scenario: Scenario,
-        bus: "can.BusABC | PythonCan | Slcan",
+        bus: Sender,
         logger: can.Listener | None,
         truth: bool = True,
         on_fault: Callable[[Fault, bool], None] | None = None,
@@ -187,42 +203,40 @@ def play_on_bus(
     train: Train = PACKAGED,
 ) -> PlayTally:  # fmt: skip
     """Until the scenario ends or SIGTERM or Ctrl-C comes."""
+    check(scenario.faults, interface, channel)
+    if log is not None:
+        check_format(log, scenario, train)
+    with contextlib.ExitStack() as cleanup:
+        bus = PythonCan(interface, channel, train.has_fd)
+        cleanup.callback(bus.shutdown)
+        logger = cleanup.enter_context(open_logger(log)) if log else None
+        return play_onto(bus, scenario, logger, truth, ahead, train)
+
+
+def play_onto(
+    bus: FaultyBus, scenario: Scenario, logger: can.Listener | None, truth: bool = True, ahead: bool = False,
+    train: Train = PACKAGED,
+) -> PlayTally:  # fmt: skip
+    """The same, onto a bus that is open."""
     stop = False
 
     def on_signal(_number: int, _frame: FrameType | None) -> None:
         nonlocal stop
         stop = True
 
-    check(scenario.faults, interface, channel)
-    if log is not None:
-        check_format(log, scenario, train)
-    with contextlib.ExitStack() as cleanup:
-        bus = _open(interface, channel, train.has_fd)
-        cleanup.callback(bus.shutdown)
-        logger = cleanup.enter_context(open_logger(log)) if log else None
-        for s in (signal.SIGTERM, signal.SIGINT):
-            signal.signal(s, on_signal)
-        began: dict[Fault, int] = {}
+    for s in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(s, on_signal)
+    began: dict[Fault, int] = {}
 
-        def on_fault(fault: Fault, begins: bool) -> None:
-            if begins:
-                began[fault] = time.time_ns() // 1000
-                bus.begin(fault)
-            else:
-                bus.end(fault)
-                print(fault_line(fault, began[fault], time.time_ns() // 1000), flush=True)
+    def on_fault(fault: Fault, begins: bool) -> None:
+        if begins:
+            began[fault] = time.time_ns() // 1000
+            bus.begin(fault)
+        else:
+            bus.end(fault)
+            print(fault_line(fault, began[fault], time.time_ns() // 1000), flush=True)
 
-        rig = RealTime(scenario, bus, logger, truth, on_fault, ahead, train)
-        while not stop and rig.step():
-            time.sleep(rig.wait_s())
+    rig = RealTime(scenario, bus, logger, truth, on_fault, ahead, train)
+    while not stop and rig.step():
+        time.sleep(rig.wait_s())
     return rig.tally
-
-
-def _open(interface: str, channel: str, fd: bool) -> "PythonCan | Slcan":
-    if interface == "slcan":
-        from sim_ecu.play.slcan import Slcan
-
-        if fd:
-            raise InputError("carries no CAN FD frames, which this train has", key="slcan", hint="-i socketcan")
-        return Slcan(channel)
-    return PythonCan(interface, channel, fd)

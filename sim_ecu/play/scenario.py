@@ -46,9 +46,6 @@ def positions_m(wheelset: Wheelset) -> tuple[float, ...]:
     return tuple(at - behind for at in BOGIES_M for behind in (0.0, wheelbase))
 
 
-POSITIONS_M = positions_m(Wheelset())
-
-
 @dataclass(frozen=True, slots=True)
 class Course:
     """A quantity over time: constant, or linear between the rows of [[t, value], …]; flat outside."""

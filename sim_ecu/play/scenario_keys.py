@@ -108,7 +108,7 @@ VEHICLE = Other(
 )
 WHEELSET = Other("wheelset", "what differs from the vehicle's wheelset", "table")
 OF_AXLE = Other("axle", "[axle.N]: what differs for one axle", "tables by number")
-FAULT = Other("fault", "what goes wrong, as with `sim-ecu inject`", "[[fault]]")
+FAULT = Other("fault", "what goes wrong, as with `sim-ecu play --fault`", "[[fault]]")
 POSITION = Measure(
     "position_m", "ahead of the first axle; default: two vehicles of two bogies", -1000.0, 1000.0, unit="m"
 )
@@ -243,7 +243,7 @@ GYRO_FEELS = Measure(
     "gyro_per_m_s2", "what the gyro feels of it", -1.0, 1.0, QUIET.gyro_per_m_s2, unit="rad/s per m/s²"
 )
 
-KIND = Other("kind", "see `sim-ecu inject --list`", ", ".join(KINDS), "needed")
+KIND = Other("kind", "see `sim-ecu list`", ", ".join(KINDS), "needed")
 AT = Measure("at_s", "when it begins; needed", 0.0, LARGEST, unit="s")
 FOR = Measure("duration_s", "how long it lasts", 0.001, LARGEST, DURATION_S, unit="s")
 OF = Choice("of", "which signal; all: the axle's own three", (*SIGNALS, ALL), "yaw_rate")

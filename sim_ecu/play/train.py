@@ -99,15 +99,15 @@ MessageValues = dict[str, float | str | None]
 
 
 class AdhesionReader:
-    """Reads frames of an output of a kind: "adhesion", or "advice", which is of the train."""
+    """Reads frames of an axle's Adhesion."""
 
-    def __init__(self, message: Message, output: Output, kind: str = "adhesion") -> None:
+    def __init__(self, message: Message, output: Output) -> None:
         self._message = message
         self._numbers: dict[str, tuple[Signal, OutputSignal]] = {}
         self._words: dict[str, tuple[str, dict[int, str]]] = {}
         for ours, sent in output.signals.items():
             signal = find_signal(message, sent.name)
-            if isinstance(MESSAGES[kind].get(ours), Numeric):
+            if isinstance(MESSAGES["adhesion"].get(ours), Numeric):
                 self._numbers[ours] = (signal, sent)
             else:
                 labels = {str(label): int(raw) for raw, label in (signal.choices or {}).items()}

@@ -1,11 +1,9 @@
-"""How good the estimate is: accuracy, figures of the paper, comparisons with data from elsewhere; here the suites."""
+"""How good the estimate is: accuracy, and the figures of the paper; here the suites."""
 
 SUITES = (
     "paper", "grid", "robust", "rough", "harsh", "slow", "worlds", "long", "canted", "peak", "transitions", "drops",
     "cycles", "dead", "foreign", "dry-hours",
 )  # fmt: skip
-# Of a train, whatever the design's vehicle is; like fusion it is played only where requested: it takes a quarter of an
-# hour on two cores.
+# Of a train, whatever the design's vehicle is; played only where requested: it takes a quarter of an hour on two cores.
 WORLDS = "worlds"
-FUSION = "fusion"  # of what the daemon does beside the estimate, and off by default: played only where requested
 MISSED = "missed"  # what --fail-on may name

@@ -1,27 +1,14 @@
-"""Other ways to the same figure, each given what wrcd has: the offsets taken off, the ticks as they came.
+"""Other ways to the same figure, on the same ticks as wrcd: the torque ratio, and other designs."""
 
-Not among them: interacting multiple models over the four filters. As the design tunes those, for telling residuals,
-their likelihoods were worth a mean error of 4.6 points in the grid, and in Python they are too slow to be tuned for
-their own sake.
-"""
-
-import json
-from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any, Protocol
+from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_ecu.design.cases import Plan
-from sim_ecu.design.features import Features, estimator_alone, features
-from sim_ecu.design.recordings import Recording
-from sim_ecu.design.rules import HELD
-from sim_ecu.jobs.pool import Workers
-from sim_ecu.physics.compiled import compiled
+from sim_ecu.design.features import estimator_alone
 from wrcd.errors import InputError
 from wrcd.estimator.design import Design
-from wrcd.estimator.estimator import OFFSET_WINDOWS
 from wrcd.estimator.records import Ticks
 
 FloatArray = NDArray[np.float64]
@@ -42,7 +29,6 @@ class GivenTicks:
     speed_m_s: FloatArray  # (t,)
     tick_s: float
     number: NDArray[np.int64]  # (t,) of each tick on the bus; they are in order, and some may be missing
-    seen: FloatArray | None = None  # (t, n, inputs) what the estimator's rules saw last, NaN before they saw anything
 
 
 def running_mean(values: FloatArray, window: int) -> FloatArray:
@@ -65,38 +51,6 @@ class Baseline(Protocol):
     def mu_pct(self, ticks: GivenTicks) -> FloatArray:
         """Available adhesion in percent, (ticks, n)."""
         ...
-
-
-def without_offset(ticks: GivenTicks, window_ticks: int) -> GivenTicks:
-    """The ticks with the sensors' offsets taken off as the train does it: what a filter alone would have to learn."""
-    z = np.nan_to_num(ticks.z)
-    _take_offset(z, ticks.present, float(OFFSET_WINDOWS * window_ticks))
-    return replace(ticks, z=np.where(ticks.present, z, np.nan))
-
-
-@compiled
-def _take_offset(z: FloatArray, present: BoolArray, most: float) -> None:
-    """`wrcd.estimator.signals.noise` over all ticks of z (t, 2, n), in place: a test compares them."""
-    for c in range(z.shape[1]):
-        for i in range(z.shape[2]):
-            mean, count = 0.0, 0.0
-            for k in range(z.shape[0]):
-                if present[k, c, i]:
-                    count = min(count + 1.0, most)
-                    mean += 1.0 / max(count, 1.0) * (z[k, c, i] - mean)
-                z[k, c, i] -= mean
-
-
-@dataclass(frozen=True, slots=True)
-class Offsetless:
-    """A baseline that is given measurements without their offsets."""
-
-    baseline: Baseline
-    window_ticks: int
-
-    def mu_pct(self, ticks: GivenTicks) -> FloatArray:
-        """Adhesion in percent (t, n)."""
-        return self.baseline.mu_pct(without_offset(ticks, self.window_ticks))
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,81 +97,3 @@ def fitting(name: str, other: Design, design: Design) -> None:
                 key=f"--beside {name}",
                 hint="only designs for the same wheelset and tick can be compared on the same frames",
             )
-
-
-FORMAT = "wrcd-baselines/3"
-SMALLEST = 1e-9
-LAYERS = (48, 32)
-
-
-@dataclass(frozen=True, slots=True)
-class Regressor:
-    """A small multi-layer perceptron on the rules' own inputs: what such a network makes of them, unreadably."""
-
-    window: int
-    mean: FloatArray
-    size: FloatArray
-    layers: tuple[tuple[FloatArray, FloatArray], ...]
-
-    def mu_pct(self, ticks: GivenTicks) -> FloatArray:
-        """Adhesion in percent (t, n), not below what is in use; NaN before the rules saw anything."""
-        assert ticks.seen is not None
-        t, n, k = ticks.seen.shape
-        mu = 100.0 * np.exp(self.answer(ticks.seen.reshape(-1, k)).reshape(t, n))
-        return np.maximum(mu, 100.0 * running_mean(np.nan_to_num(ticks.torque_ratio), self.window))
-
-    def answer(self, inputs: FloatArray) -> FloatArray:
-        """ln of the adhesion (n,) for inputs (n, k)."""
-        x = np.clip((inputs - self.mean) / self.size, -HELD, HELD)
-        for i, (weight, bias) in enumerate(self.layers):
-            x = x @ weight + bias
-            if i + 1 < len(self.layers):
-                x = np.maximum(x, 0.0)
-        return np.asarray(x[:, 0])
-
-
-def learn(design: Design, recordings: list[Recording], plan: Plan, workers: Workers | None = None) -> dict[str, Any]:
-    """Return the baselines' document: fitted to the recordings that the design was fitted to. workers: as of
-    `features`."""
-    network = _network(features(design, recordings, plan, workers=workers)[0])
-    return {"format": FORMAT, "design": design.checksum} | ({} if network is None else {"regressor": network})
-
-
-def _network(data: Features) -> dict[str, Any] | None:
-    """Trained on the windows of the rules; None without scikit-learn."""
-    try:
-        from sklearn.neural_network import MLPRegressor
-    except ImportError:
-        return None
-    net = MLPRegressor(
-        hidden_layer_sizes=LAYERS, max_iter=400, early_stopping=True, n_iter_no_change=25, alpha=1e-3, random_state=0
-    )
-    mean, size = data.inputs.mean(axis=0), np.maximum(data.inputs.std(axis=0), SMALLEST)
-    net.fit(np.clip((data.inputs - mean) / size, -HELD, HELD), np.log(data.mu_pct / 100.0))
-    return {
-        "mean": mean.tolist(),
-        "size": size.tolist(),
-        "layers": [
-            [np.round(w, 5).tolist(), np.round(b, 5).tolist()] for w, b in zip(net.coefs_, net.intercepts_, strict=True)
-        ],
-    }
-
-
-def load(path: Path, design: Design) -> Regressor | None:
-    """Return what `learn` made, None where it had no scikit-learn. Raises InputError if it is not for this design."""
-    try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as e:
-        raise InputError(f"cannot be read: {e}", file=path) from None
-    if not isinstance(document, dict) or document.get("format") != FORMAT or document.get("design") != design.checksum:
-        raise InputError(
-            "does not belong to this design", file=path, hint="make both with `sim-ecu design -o … --baselines …`"
-        )
-    try:
-        r = document.get("regressor")
-        if r is None:
-            return None
-        layers = tuple((np.array(w), np.array(b)) for w, b in r["layers"])
-        return Regressor(design.recent_ticks, np.array(r["mean"]), np.array(r["size"]), layers)
-    except (KeyError, TypeError, ValueError, IndexError) as e:
-        raise InputError(f"is damaged: {e!r}", file=path, hint="make it again with `sim-ecu design`") from None

@@ -11,7 +11,6 @@ from sim_ecu.physics.contact import CURVES, peak, traction_ratio
 from sim_ecu.reporting.plots import PictureLook, fields, legend
 from sim_ecu.score.figure_data import (
     LINEAR,
-    OFF_PEAK,
     OVER_TIME,
     SETTLED_S,
     SPEED,
@@ -53,8 +52,7 @@ def draw(d: Data) -> Iterator[tuple[int, str, Figure]]:
         ), _residuals(d, runs)  # fmt: skip
     yield 6, (
         f"residuals (top) and what the rules see (bottom: {seen}) over adhesion, interpolated;\nmarkers: conditions "
-        "simulated, band: all their windows; the verdicts off the saturation points also take "
-        f"{', '.join(f'{share:g}' for share in OFF_PEAK)} of the peak's creep"
+        "simulated, band: all their windows"
     ), _levels(d)  # fmt: skip
     for number, model in ((8, 1), (9, 2)):
         one = f"residual {model}" + f" over residual {MODELS}" * (not paper)

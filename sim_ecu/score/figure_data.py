@@ -1,6 +1,5 @@
 """What the paper's figures are drawn from: held conditions on several tracks, estimated over time by the design."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
@@ -19,12 +18,10 @@ from wrcd.estimator.estimator import step_through
 from wrcd.estimator.records import Ticks
 
 FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 SPEED = 25.0  # m/s, of all figures
 SETTLED_S = 2.0  # the paper's "after 2 seconds"
 SATURATED, LINEAR = 1.0, 0.05  # creep as a share of the one at the peak; on curve A 0.05 is still a straight line
-OFF_PEAK = (LINEAR, 0.15, 0.3)  # between model 4's design point and the peak, where the curves bend
 OVER_TIME = ("A", "C", "F")  # curves at whose peaks runs are drawn: Figs. 3 and 11, 4 and 12 show the same
 EVERY_S = 0.02  # an estimate so often, as on the bus
 FRICTION_ENDS = (0.022, 0.65)  # mu_0 of the family's slipperiest and driest rail in Fig. 6
@@ -36,14 +33,13 @@ class HeldTrace:
 
     seen is what the rules are given of the residuals: log10 of 1 to 3 over residual 4, and of residual 4, the sensors'
     noise taken off; in the paper's form log10 of the residuals. own_range is its place between the centres of the
-    lowest (0) and the highest (1) set of its own; winner is the estimator's: the model that is lowest there.
+    lowest (0) and the highest (1) set of its own.
     """
 
     t_s: FloatArray
     residuals: FloatArray
     seen: FloatArray
     own_range: FloatArray
-    winner: IntArray
     fuzzy: FloatArray
     unbounded_pct: FloatArray  # adhesion from the fuzzy output alone, without the bound that the torque sets
     mu_pct: FloatArray
@@ -118,7 +114,6 @@ def observe(
         residuals=np.array([e.residuals for e in estimates]),
         seen=seen,
         own_range=own_range(d.residual_sets, seen),
-        winner=np.array([e.winner for e in estimates]),
         fuzzy=fuzzy,
         unbounded_pct=np.clip(np.polyval(d.polynomial, fuzzy), *d.adhesion_range_pct),
         mu_pct=np.array([e.mu_available_pct for e in estimates]),
@@ -140,18 +135,6 @@ class Levels:
     adhesion_pct: FloatArray  # (levels,)
     windows: FloatArray
     seen: FloatArray
-
-    def at(self, adhesion_pct: float) -> FloatArray:
-        """Residuals (4,) at an adhesion: geometric mean of the windows, linear in the logarithms between the levels."""
-        return np.asarray(10.0 ** self._between(np.log10(self.windows), adhesion_pct))
-
-    def seen_at(self, adhesion_pct: float) -> FloatArray:
-        """What the rules see (4,) at an adhesion, in the same way."""
-        return self._between(self.seen, adhesion_pct)
-
-    def _between(self, logs: FloatArray, adhesion_pct: float) -> FloatArray:
-        x, mean = np.log(self.adhesion_pct), logs.mean(axis=0)
-        return np.array([np.interp(math.log(adhesion_pct), x, mean[:, m]) for m in range(MODELS)])
 
 
 def nearest(point: Point, *regions: Levels) -> Levels:
@@ -190,7 +173,6 @@ class Data:
     linear: HeldTrace  # curve A
     below: HeldTrace  # curve A
     regions: tuple[Levels, Levels]  # at the peak, and where model 4 is designed
-    off_peak: tuple[Levels, ...]  # between both; not drawn
 
 
 def gather(s: Recipe, tracks: int, seconds: float, between: int, at: Progress, known: Known) -> Data:
@@ -200,8 +182,8 @@ def gather(s: Recipe, tracks: int, seconds: float, between: int, at: Progress, k
     conditions = [c for curve, share in wanted for c in held(s.wheelset, CURVES[curve], share, tracks)]
     trace = observe(s, conditions, seconds, lambda _, share: at("runs over time", share), known)
     runs = [trace.runs(slice(i * tracks, (i + 1) * tracks)) for i in range(len(wanted))]
-    peak, least, *off_peak = (
+    peak, least = (
         survey(s, share, between, tracks, lambda _, done: at("residuals over adhesion", done), known)
-        for share in (SATURATED, below, *OFF_PEAK)
+        for share in (SATURATED, below)
     )
-    return Data(s, dict(zip(OVER_TIME, runs, strict=False)), runs[-2], runs[-1], (peak, least), tuple(off_peak))
+    return Data(s, dict(zip(OVER_TIME, runs, strict=False)), runs[-2], runs[-1], (peak, least))

@@ -8,15 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from sim_ecu import resources as rig
-from sim_ecu.design.brief import Recipe, load_source
+from sim_ecu.design.brief import load_source
 from sim_ecu.jobs.whole import Missing, Piece, every, left_out, not_whole
 from sim_ecu.reporting.page import Page, html, markdown
 from sim_ecu.reporting.result_files import check_output, status_by_goals, write_results
 from sim_ecu.reporting.verdicts import head
 from sim_ecu.score import SUITES
-from sim_ecu.score.baselines import PAPER, Baseline, Beside, Offsetless, TorqueRatio, fitting
-from sim_ecu.score.baselines import load as load_regressor
-from sim_ecu.score.ekf import Ekf
+from sim_ecu.score.baselines import PAPER, Baseline, Beside, TorqueRatio, fitting
 from sim_ecu.score.report import judge
 from sim_ecu.score.score_play import Trace, play
 from sim_ecu.score.sections import sections, warnings
@@ -40,22 +38,21 @@ class ScoreRequest:
     """What a process needs to play: files, not what is made of them."""
 
     design: Path
-    baselines: Path | None
     beside: tuple[tuple[str, Path], ...]
 
 
 def run(
-    suite: str | None, quick: bool, jobs: int, design: Path, baselines_file: Path | None,
-    beside: Sequence[str], json_out: Path | None, html_out: Path | None, fail_on: str | None,
+    suite: str | None, quick: bool, jobs: int, design: Path, beside: Sequence[str],
+    json_out: Path | None, html_out: Path | None, fail_on: str | None,
 ) -> int:  # fmt: skip
     """Play, judge, print; write the figures as JSON and a page where requested."""
     check_output("--json", json_out)
     check_output("--html", html_out)
     others = [_named(b) for b in beside]
-    papers = belonging(design, "paper.design.json")
+    papers = paper_form_of(design)
     if papers is not None:
         others.insert(0, (PAPER, papers))
-    request = ScoreRequest(design, baselines_file or belonging(design, "baselines.json"), tuple(others))
+    request = ScoreRequest(design, tuple(others))
     source = load_source(request.design)
     _world(request)  # bad files are reported here, before anything is played
     began = time.monotonic()
@@ -73,9 +70,9 @@ def run(
     return status_by_goals(fail_on, result["goals"])
 
 
-def belonging(design: Path, suffix: str) -> Path | None:
-    """Return a file NAME and suffix of the packaged design NAME; None where there is none, and for any other design."""
-    file = rig.FOLDER / f"{design.name.removesuffix('design.json')}{suffix}"
+def paper_form_of(design: Path) -> Path | None:
+    """Return the paper's own form of a packaged design; None where there is none, and for any other design."""
+    file = rig.FOLDER / f"{design.name.removesuffix('design.json')}paper.design.json"
     return file if design.parent == resources.DESIGNS and file.exists() else None
 
 
@@ -121,24 +118,17 @@ def _world(request: ScoreRequest) -> tuple[Config, dict[str, Baseline], Sequence
         for name, path in request.beside
         if name != PAPER  # it is of the lone wheelset, and stands beside in the other suites
     ]
-    return config, make_baselines(source, request), others
+    return config, make_baselines(source.design, request), others
 
 
-def make_baselines(source: Recipe, request: ScoreRequest) -> dict[str, Baseline]:
+def make_baselines(design: Design, request: ScoreRequest) -> dict[str, Baseline]:
     """By the name that the tables give each, in their order."""
-    design, w, sensors = source.design, source.wheelset, source.sensors
     out: dict[str, Baseline] = {}
     for name, path in request.beside:
         other: Design = load_design(path)
         fitting(name, other, design)
         out[name] = Beside(other)
     out["torque ratio"] = TorqueRatio(design.window_ticks)
-    if request.baselines is not None:
-        regressor = load_regressor(request.baselines, design)
-        if regressor is not None:
-            out["neural network"] = regressor
-    if w.bogie is None:  # their model and their noises are of a lone wheelset
-        out["12 EKFs"] = Offsetless(Ekf(w, sensors, design.tick_s), design.window_ticks)
     return out
 
 

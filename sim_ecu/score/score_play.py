@@ -18,13 +18,12 @@ from sim_ecu.score.baselines import Baseline, GivenTicks
 from sim_ecu.score.suites.run import Run
 from wrcd.bus.batch import FrameBatch
 from wrcd.bus.frame import Frame
-from wrcd.core.causes import Cause
 from wrcd.core.configuration import MAX_AXLES, Config
 from wrcd.core.core import Core, Observer
 from wrcd.core.messages import Outgoing
-from wrcd.core.vocabulary import CONFIDENCES, DROP_AHEAD, MESSAGES, Words
+from wrcd.core.vocabulary import CONFIDENCES, MESSAGES, Words
 from wrcd.estimator.design import Design
-from wrcd.estimator.records import Estimate, StepResult, Tick
+from wrcd.estimator.records import StepResult, Tick
 from wrcd.logs.decoder import UNKNOWN, MessageDecoder, Values, decoders
 
 FloatArray = NDArray[np.float64]
@@ -48,7 +47,7 @@ class MessageFrames:
         of = MESSAGES[self.decoder.kind][signal]
         assert isinstance(of, Words)
         places = self._values.get(signal, np.full(len(self.data), UNKNOWN, np.int8))
-        return np.array([*of.words, *of.extra, ""])[places.astype(np.int8)]
+        return np.array([*of.words, ""])[places.astype(np.int8)]
 
     @cached_property
     def _values(self) -> Mapping[str, Values]:
@@ -57,15 +56,15 @@ class MessageFrames:
 
 
 class TrainFrames:
-    """Keeps the frames of a train's axles as someone on the bus receives them: adhesion, its detail and what lies ahead
-    where the configuration sends them, and the truth. Times are microseconds from the start."""
+    """Keeps the frames of a train's axles as someone on the bus receives them: adhesion and its detail where the
+    configuration sends it, and the truth. Times are microseconds from the start."""
 
     def __init__(self, numbers: Iterable[int], config: Config) -> None:
         numbers, truth = list(numbers), databases()[1].get_message_by_name
         self.truth = {n: MessageFrames(MessageDecoder(truth(f"SimTruth_A{n}"))) for n in numbers}
-        sent = {(d.kind, d.axle): MessageFrames(d) for d in decoders(config, extra=True) if d.axle in numbers}
-        self.adhesion, self.detail, self.ahead = (
-            {n: sent[kind, n] for n in numbers if (kind, n) in sent} for kind in ("adhesion", "detail", "ahead")
+        sent = {(d.kind, d.axle): MessageFrames(d) for d in decoders(config) if d.axle in numbers}
+        self.adhesion, self.detail = (
+            {n: sent[kind, n] for n in numbers if (kind, n) in sent} for kind in ("adhesion", "detail")
         )
         self._by_id = {h.decoder.message.frame_id: h for h in (*sent.values(), *self.truth.values())}
 
@@ -116,26 +115,16 @@ class Trace:
 class TickRecorder(Observer):
     """What the train's estimator is given, kept for the baselines: an observer of the core."""
 
-    def __init__(self, design: Design, axles: int) -> None:
-        self._design, self._axles = design, axles
+    def __init__(self, design: Design) -> None:
+        self._design = design
         self.ticks: list[Tick] = []
-        self._seen: list[tuple[int, FloatArray]] = []
 
     def stepped(self, tick: Tick, result: StepResult) -> None:
         """Keep the tick."""
         self.ticks.append(tick)
 
-    def estimated(self, tick: int, estimate: Estimate) -> None:
-        """Keep what the rules were given."""
-        self._seen.append((len(self.ticks), estimate.inputs))
-
     def all(self) -> GivenTicks:
         """Everything so far."""
-        width = self._seen[0][1].shape[1] if self._seen else 0
-        seen = np.full((len(self.ticks), self._axles, width), np.nan)
-        ends = [*(at for at, _ in self._seen[1:]), len(self.ticks) + 1]
-        for (at, inputs), until in zip(self._seen, ends, strict=False):
-            seen[at - 1 : until - 1] = inputs
         return GivenTicks(
             z=np.stack([t.z for t in self.ticks]),
             present=np.stack([t.present for t in self.ticks]),
@@ -143,7 +132,6 @@ class TickRecorder(Observer):
             speed_m_s=np.array([t.speed_m_s for t in self.ticks]),
             tick_s=self._design.tick_s,
             number=np.array([t.number for t in self.ticks]),
-            seen=seen,
         )
 
 
@@ -190,7 +178,7 @@ def play(
     """Play a run and gather what came on the bus, an entry for each axle. train: whose messages the configurations map.
     beside: other designs' names and configurations, whose cores are fed the same frames.
     Raises InputError for a fault or an axle that they leave no way to."""
-    recording = TickRecorder(config.design, len(config.axles)) if baselines else None
+    recording = TickRecorder(config.design) if baselines else None
     ours, others = Listener(run, config, recording), {name: Listener(run, other) for name, other in beside}
     listeners = [ours, *others.values()]
     samples = iter(Player(run.scenario, chunk=LARGE_CHUNK, train=train))
@@ -224,11 +212,8 @@ def newest(frames: MessageFrames, signal: str, at_us: NDArray[np.int64]) -> NDAr
 
 
 def _cause(detail: MessageFrames | None, at_us: NDArray[np.int64]) -> NDArray[np.str_]:
-    """Why each adhesion frame is not Valid. A drop ahead is no reason: it is of a Valid frame that came before."""
-    if detail is None:
-        return np.full(len(at_us), "")
-    cause = newest(detail, "Cause", at_us)
-    return np.where(cause == DROP_AHEAD, Cause.NONE.label, cause)
+    """Why each adhesion frame is not Valid."""
+    return np.full(len(at_us), "") if detail is None else newest(detail, "Cause", at_us)
 
 
 def _trace(run: Run, place: int, kept: TrainFrames, half_widths: dict[int, FloatArray]) -> Trace:

@@ -23,10 +23,8 @@ WRONGS = (
     f"bus, and are more than {WRONG_PP:g} pp or {100 * WRONG_OF_TRUTH:g} % of the truth off."
 )
 BASELINES = (
-    "Beside it, on the same frames and with the sensors' offsets taken off: torque ratio, the least there can be; "
-    "neural network, on the rules' own inputs, unreadable; for a lone wheelset a bank of 12 EKFs, with the "
-    "friction as a state. Interacting multiple models are left out: tuned for telling residuals they were no fair "
-    "comparison, and too slow to be tuned anew."
+    "Beside it, on the same frames: the paper's own form, where a packaged design has one; torque ratio, the least "
+    "there can be."
 )
 
 

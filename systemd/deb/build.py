@@ -10,15 +10,31 @@ import os
 import shutil
 import subprocess
 import sys
+import textwrap
+from datetime import UTC, datetime
 from email.utils import formatdate
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
-from wrcd import __version__, resources
-from wrcd.cli.installation.lay_out import CONFIGURATIONS, DEBIAN, lay_out
+import shtab
+from docutils.core import publish_string
+
+from wrcd import __version__
+from wrcd.cli.main import WRCD
 
 ROOT = Path(__file__).parents[2]
 PYTHON = "/usr/bin/python3"
-HOME = PurePosixPath("/opt/wrcd")
+HOME = "/opt/wrcd"
+EXAMPLES = "usr/share/doc/wrcd/examples"
+# Where each file of systemd/ lies. A bit rate that is not the train's would do harm: what sets one is an example.
+PLACES = {
+    "wrcd@.service": "usr/lib/systemd/system",
+    "80-wrcd.conf": "etc/sysctl.d",
+    "80-can0.network": EXAMPLES,
+    "80-vcan0.netdev": EXAMPLES,
+    "80-vcan0.network": EXAMPLES,
+    "wrcd@.service.d/realtime.conf": EXAMPLES,
+    "wrcd@.service.d/device.conf": EXAMPLES,
+}
 SCRIPTS = ("preinst", "postinst", "prerm", "postrm")
 MAINTAINER = "the wrcd maintainers <wrcd@users.noreply.github.com>"
 ENTRY = """#!{home}/bin/python
@@ -28,6 +44,7 @@ from {module} import main
 
 sys.exit(main())
 """
+SUMMARY = "wheel-rail condition daemon: available adhesion on the CAN bus"
 CONTROL = """Package: wrcd
 Version: {version}
 Architecture: {architecture}
@@ -36,7 +53,7 @@ Installed-Size: {size}
 Depends: python{python}, libc6 (>= 2.29), libgcc-s1, libstdc++6, systemd
 Section: misc
 Priority: optional
-Description: wheel-rail condition daemon: available adhesion on the CAN bus
+Description: {summary}
  It reads yaw rate, lateral acceleration and torque of every wheelset from a CAN
  bus, and sends the adhesion that the rail offers, before the wheel slips.
  .
@@ -62,8 +79,6 @@ def main() -> int:
         "--site", type=Path, metavar="DIR", help="what systemd/deb/site has laid out before (default: anew)"
     )
     parser.add_argument("--compress", default="xz", choices=("xz", "gzip", "none"))
-    parser.add_argument("--version", default=__version__, help="call it so: a test's package to upgrade from")
-    parser.add_argument("--systemd", type=Path, metavar="DIR", help="unit files instead of the package's: the same")
     args = parser.parse_args()
     os.environ.setdefault("SOURCE_DATE_EPOCH", _commit_time())
     args.output.mkdir(parents=True, exist_ok=True)
@@ -73,14 +88,15 @@ def main() -> int:
     tree = args.output / "tree"
     shutil.rmtree(tree, ignore_errors=True)
     python = _output(PYTHON, "-c", "import sys; print('%d.%d' % sys.version_info[:2])")
-    _program(tree, site, python, args.version)
-    conffiles = _system(tree, args.systemd)
-    _documents(tree, args.version)
+    _program(tree, site, python)
+    _system(tree)
+    _documents(tree)
+    _manual_and_completion(tree)
     _modes_and_times(tree)
     _compile(tree, python)
     _modes_and_times(tree)
-    package = args.output / f"wrcd_{args.version}_{_output('dpkg', '--print-architecture')}.deb"
-    _control(tree, conffiles, args.version, python)
+    package = args.output / f"wrcd_{__version__}_{_output('dpkg', '--print-architecture')}.deb"
+    _control(tree, python)
     subprocess.run(
         ["dpkg-deb", "--root-owner-group", f"-Z{args.compress}", "--build", tree, package],
         check=True, stdout=subprocess.DEVNULL,
@@ -102,17 +118,14 @@ def _commit_time() -> str:
         return str(int((ROOT / "CHANGELOG.md").stat().st_mtime))
 
 
-def _program(tree: Path, site: Path, python: str, version: str) -> None:
+def _program(tree: Path, site: Path, python: str) -> None:
     """A virtual environment of the system's python, with what systemd/deb/site laid out."""
-    home = tree / str(HOME).lstrip("/")
+    home = tree / HOME.lstrip("/")
     packages = home / f"lib/python{python}/site-packages"
     shutil.copytree(site, packages, ignore=shutil.ignore_patterns("__pycache__", "tests"))
     shutil.rmtree(packages / "bin", ignore_errors=True)
     if not [*(packages / "wrcd").glob("_native*.so")]:
         raise SystemExit(f"{site} has no compiled estimator: install gcc and libc6-dev, and build it again")
-    (packages / "wrcd/__init__.py").write_text(
-        (packages / "wrcd/__init__.py").read_text().replace(f'"{__version__}"', f'"{version}"')
-    )
     (home / "bin").mkdir()
     (home / "bin" / f"python{python}").symlink_to(f"/usr/bin/python{python}")
     (home / "bin/python3").symlink_to(f"python{python}")
@@ -122,30 +135,53 @@ def _program(tree: Path, site: Path, python: str, version: str) -> None:
     (home / "pyvenv.cfg").write_text("home = /usr/bin\ninclude-system-site-packages = false\n")
 
 
-def _system(tree: Path, systemd: Path | None) -> list[str]:
-    """Units and all else that `wrcd install` lays out, too. Returns the configuration files among them."""
-    laid = lay_out(DEBIAN, HOME / "bin/wrcd", data=resources.DATA, systemd=systemd)
-    for name, file in laid.items():
-        path = tree / name
+def _system(tree: Path) -> None:
+    """The files of systemd/, the program by its name, and a folder for configurations."""
+    for name, place in PLACES.items():
+        path = tree / place / name
         path.parent.mkdir(parents=True, exist_ok=True)
-        if file.target:
-            path.symlink_to(file.target)
-        else:
-            path.write_bytes(file.content)
-    (tree / CONFIGURATIONS).mkdir(parents=True, exist_ok=True)
-    return sorted(f"/{name}" for name in laid if name.startswith("etc/"))
+        shutil.copy(ROOT / "systemd" / name, path)
+    (tree / "usr/bin").mkdir()
+    (tree / "usr/bin/wrcd").symlink_to(f"{HOME}/bin/wrcd")
+    (tree / "etc/wrcd").mkdir()
 
 
-def _documents(tree: Path, version: str) -> None:
+def _documents(tree: Path) -> None:
     folder = tree / "usr/share/doc/wrcd"
     (folder / "copyright").write_text(COPYRIGHT + _indented((ROOT / "LICENSE").read_text()))
     date = formatdate(int(os.environ["SOURCE_DATE_EPOCH"]))
-    entry = f"wrcd ({version}) unstable; urgency=medium\n\n  * As CHANGELOG.md says.\n\n -- {MAINTAINER}  {date}\n"
+    entry = f"wrcd ({__version__}) unstable; urgency=medium\n\n  * As CHANGELOG.md says.\n\n -- {MAINTAINER}  {date}\n"
     (folder / "changelog.gz").write_bytes(gzip.compress(entry.encode(), 9, mtime=0))
     (folder / "NEWS.gz").write_bytes(gzip.compress((ROOT / "CHANGELOG.md").read_bytes(), 9, mtime=0))
     overrides = tree / "usr/share/lintian/overrides"
     overrides.mkdir(parents=True)
     shutil.copy(ROOT / "systemd/deb/lintian-overrides", overrides / "wrcd")
+
+
+def _manual_and_completion(tree: Path) -> None:
+    """What --help says, as wrcd(1) by Docutils, and completion for bash and zsh by shtab: made of the parsers."""
+    parser = WRCD.parser()
+    commands = next(a for a in parser._actions if isinstance(a, argparse._SubParsersAction)).choices
+    for action in (a for command in commands.values() for a in command._actions):
+        if action.type is Path:
+            action.complete = shtab.FILE
+    day = datetime.fromtimestamp(int(os.environ["SOURCE_DATE_EPOCH"]), UTC).date()
+    page = f"====\nwrcd\n====\n\n{'-' * 99}\n{SUMMARY}\n{'-' * 99}\n\n:Manual section: 1\n:Date: {day}\n\n"
+    os.environ["COLUMNS"] = "79"  # argparse's width
+    for p in (parser, *commands.values()):
+        page += f"{p.prog}\n{'=' * len(p.prog)}\n\n::\n\n{textwrap.indent(p.format_help(), '  ')}\n"
+    alone = {"_disable_config": True}  # whatever docutils.conf the builder has
+    made: dict[str, bytes] = {
+        "man/man1/wrcd.1.gz": gzip.compress(
+            publish_string(page, writer="manpage", settings_overrides=alone), 9, mtime=0
+        ),
+        "bash-completion/completions/wrcd": shtab.complete(parser, "bash").encode(),
+        "zsh/vendor-completions/_wrcd": shtab.complete(parser, "zsh").encode(),
+    }
+    for name, content in made.items():
+        path = tree / "usr/share" / name
+        path.parent.mkdir(parents=True)
+        path.write_bytes(content)
 
 
 def _indented(text: str) -> str:
@@ -166,20 +202,21 @@ def _compile(tree: Path, python: str) -> None:
     """Byte code, as the daemon may not write it: it fits the times that the files have in the package."""
     subprocess.run(
         [f"/usr/bin/python{python}", "-m", "compileall", "-q", "--invalidation-mode", "timestamp", "-s", tree, "-p",
-         "/", tree / str(HOME).lstrip("/") / "lib"],
+         "/", tree / HOME.lstrip("/") / "lib"],
         check=True, env={**os.environ, "PYTHONHASHSEED": "0"},
     )  # fmt: skip
 
 
-def _control(tree: Path, conffiles: list[str], version: str, python: str) -> None:
+def _control(tree: Path, python: str) -> None:
     files = sorted(p for p in tree.rglob("*") if p.is_file() and not p.is_symlink())
+    conffiles = [f"/{p.relative_to(tree)}" for p in files if p.is_relative_to(tree / "etc")]
     control = tree / "DEBIAN"
     control.mkdir()
     control.chmod(0o755)
     (control / "control").write_text(
         CONTROL.format(
-            version=version, architecture=_output("dpkg", "--print-architecture"), maintainer=MAINTAINER, python=python,
-            size=sum(-(-p.stat().st_size // 1024) for p in files),
+            version=__version__, summary=SUMMARY, architecture=_output("dpkg", "--print-architecture"),
+            maintainer=MAINTAINER, python=python, size=sum(-(-p.stat().st_size // 1024) for p in files),
         )
     )  # fmt: skip
     (control / "conffiles").write_text("".join(f"{name}\n" for name in conffiles))

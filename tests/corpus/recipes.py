@@ -8,9 +8,9 @@ import numpy as np
 from sim_ecu.physics.contact import CURVES
 from sim_ecu.physics.sensors import SENSOR_SETS
 from sim_ecu.physics.track import SPECTRA
-from sim_ecu.play.expected import LONG_ROWS, ROWS, MatrixRow
 from sim_ecu.play.faults import KINDS, Stage
 from sim_ecu.play.scenario import FOLDER
+from tests.matrix.expected import LONG_ROWS, ROWS, MatrixRow
 from wrcd.config.config import packaged
 from wrcd.resources import DEFAULT_DESIGN, LONE
 

@@ -4,6 +4,7 @@ import contextlib
 import tomllib
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import pytest
 from hypothesis import example, given
@@ -128,11 +129,12 @@ DESIGN, PACKAGED_DBC = load_design(resources.DESIGN), load_dbc(resources.DBC)
 
 def load(path: Path) -> Config:
     """As the daemon loads it; what comes with the package is read once for all examples."""
-    return load_config(
-        path,
-        read_dbc=lambda p, encoding: PACKAGED_DBC if p == resources.DBC else load_dbc(p, None, encoding),
-        read_design=lambda p: DESIGN if p == resources.DESIGN else load_design(p),
-    )
+    with patch.multiple(
+        "wrcd.config.config",
+        load_dbc=lambda p, encoding: PACKAGED_DBC if p == resources.DBC else load_dbc(p, None, encoding),
+        load_design=lambda p: DESIGN if p == resources.DESIGN else load_design(p),
+    ):
+        return load_config(path)
 
 
 @pytest.fixture(scope="module")

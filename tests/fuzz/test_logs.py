@@ -17,8 +17,6 @@ from wrcd.errors import InputError
 from wrcd.logs.damage import Damage
 from wrcd.logs.reader import read_log
 
-# python-can's readers leave a file that they cannot read to the garbage collector
-pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 SUFFIXES = (".asc", ".blf", ".trc", ".csv", ".db")
 SENT = [
     Frame(

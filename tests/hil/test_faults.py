@@ -3,6 +3,7 @@ stays up, candump records, and the rig's own word on when each fault began and e
 
 import re
 import subprocess
+import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -12,9 +13,9 @@ from pathlib import Path
 import pytest
 
 from sim_ecu.play.encoder import databases
-from sim_ecu.play.expected import ROWS, SETTLED_AFTER_MS, WINDOW_MS, Leaves, MatrixRow, Unseen
 from sim_ecu.play.faults import KINDS, SILENT, Stage
-from sim_ecu.play.matrix import HEAD, SentAdhesion, Verdict, judge, line
+from tests.matrix.expected import ROWS, SETTLED_AFTER_MS, WINDOW_MS, Leaves, MatrixRow, Unseen
+from tests.matrix.matrix import HEAD, SentAdhesion, Verdict, judge, line
 from tests.support.can_ids import ADHESION, ADHESION_A1, YAW_RATE_A2
 from tests.support.lone_wheelset import LONE
 from tests.support.metronome import SLOT_US, Machine, metronome, within
@@ -210,20 +211,9 @@ def play(folder: Path, rows: Sequence[MatrixRow], interface: str, channel: str) 
     first_s = FIRST_S if interface != "slcan" else FIRST_S + 4.0
     file, log, told = folder / "faults.toml", folder / "candump.log", folder / "told.txt"
     file.write_text(scenario(rows, first_s))
-    rig = (
-        "chrt",
-        "-f",
-        str(RIG),
-        BIN / "sim-ecu",
-        "inject",
-        file,
-        "-i",
-        interface,
-        "-c",
-        channel,
-        "--no-truth",
-        "--ahead",
-    )
+    peer = (sys.executable, "-m", "tests.support.slcan", file, channel)
+    player = (BIN / "sim-ecu", "play", file, "-i", interface, "-c", channel, "--no-truth", "--ahead")
+    rig = ("chrt", "-f", str(RIG), *(peer if interface == "slcan" else player))
     # as systemd/wrcd@.service.d/realtime.conf has it, but below the sensors
     config = log.with_suffix(".toml")
     config.write_text(DEFAULT + f'[estimator]\ndesign = "{LONE}"\n')

@@ -1,4 +1,4 @@
-"""Each way of installing, under a real systemd: run, upgraded from 0.1.0, removed without a trace."""
+"""The Debian package under a real systemd: run, upgraded from that of the commit `studies`, removed without a trace."""
 
 import hashlib
 import os
@@ -12,20 +12,21 @@ from pathlib import Path
 import pytest
 
 from tests.support.page_commands import run_by
-from tests.support.processes import ROOT
-from tests.support.unit_train import UNIT, Train, journal, main_pid, output, prop, systemctl
+from tests.support.unit_train import UNIT, Train, dpkg, journal, main_pid, package, prop, systemctl
 from wrcd import __version__
 from wrcd.config.config import DEFAULT
 
 HOME = Path("/opt/wrcd")
 WRCD = HOME / "bin/wrcd"
 CONFIG = Path("/etc/wrcd/vcan0.toml")
+BROKEN = Path("/etc/wrcd/vcan1.toml")
 PATIENCE_S = 60.0  # how soon it is Valid is for test_systemd.py to say
 DUMP = Path("/var/lib/wrcd/vcan0/kept.log")
 SYSCTL = Path("/etc/sysctl.d/80-wrcd.conf")
 RMEM = Path("/proc/sys/net/core/rmem_max")
-OLD = "0.1.0"
-LOCAL_UNIT = "/usr/local/lib/systemd/system/wrcd@.service"
+UNIT_FILE = "/lib/systemd/system/wrcd@.service"
+# the unit of another installation, which would hide the package's
+OTHERS = Path("/usr/local/lib/systemd/system/wrcd@.service")
 # What may be otherwise afterwards: systemd's own bookkeeping, and dpkg's.
 SYSTEMD = ("/etc/.pwd.lock", "/run/systemd", "/run/log", "/run/credentials", "/var/lib/systemd", "/var/log/journal")
 DPKG = ("/var/log/dpkg.log", "/var/log/alternatives.log", "/var/cache/debconf")
@@ -106,22 +107,6 @@ def train(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Train]:
     systemctl("daemon-reload")
 
 
-@pytest.fixture
-def dpkg(tmp_path: Path) -> list[str]:
-    """dpkg with a database of what our package needs: to read this machine's takes it ten seconds in the guest."""
-    (tmp_path / "updates").mkdir()
-    (tmp_path / "info").mkdir()
-    (package,) = (ROOT / "build/unit").glob(f"wrcd_{__version__}_*.deb")
-    needed = output("dpkg-deb", "--field", str(package), "Depends")
-    contents = output("dpkg-deb", "--contents", str(package))
-    names = [word.split()[0] for word in needed.split(", ")]
-    # so that it knows them for folders of others: it removes its own where they are empty
-    folders = {line.split()[-1][1:].rstrip("/") or "/." for line in contents.splitlines() if line.startswith("d")}
-    (tmp_path / "info/systemd.list").write_text("".join(f"{f}\n" for f in sorted(folders) if Path(f).is_dir()))
-    (tmp_path / "status").write_text("\n".join(output("dpkg-query", "--status", name) + "\n" for name in names))
-    return ["dpkg", "--admindir", str(tmp_path)]
-
-
 def use(train: Train) -> None:
     """What an engineer does after the first installation: configure, enable, look; and a dump is written."""
     CONFIG.parent.mkdir(exist_ok=True)
@@ -135,9 +120,9 @@ def use(train: Train) -> None:
     DUMP.write_text("a dump")
 
 
-def check_running(train: Train, version: str, unit_file: str) -> None:
-    """It runs from there, sends Valid frames, and starts with the computer."""
-    assert prop("FragmentPath") == unit_file
+def check_running(train: Train, version: str) -> None:
+    """It runs from the package, sends Valid frames, and starts with the computer."""
+    assert prop("FragmentPath") == UNIT_FILE
     assert systemctl("is-enabled", UNIT) == "enabled"
     train.wait(time.time() - 0.5, seconds=PATIENCE_S)
     said = run(WRCD, "--version")
@@ -150,89 +135,57 @@ def check_kept() -> None:
     assert DUMP.read_text() == "a dump"
 
 
-def be_version(version: str) -> None:
-    """What pip has unpacked is this version's."""
-    (package,) = HOME.glob("lib/python3*/site-packages/wrcd/__init__.py")
-    text = package.read_text()
-    for known in (OLD, __version__):
-        text = text.replace(f'"{known}"', f'"{version}"')
-    package.write_text(text)
+def check_refused_beside_another_installation(database: list[str], file: Path) -> None:
+    made = [folder for folder in OTHERS.parents if not folder.exists()]
+    OTHERS.parent.mkdir(parents=True, exist_ok=True)
+    OTHERS.touch()
+    assert str(OTHERS) in run(*database, "-i", file, status=1)
+    assert not HOME.exists()
+    OTHERS.unlink()
+    for folder in made:
+        folder.rmdir()
 
 
-def test_wheel_is_run_upgraded_and_removed_without_a_trace(train: Train) -> None:
-    blocks = run_by("tests/hil/test_install.py", "docs/how-to/install-on-train.md")
-    (dry_run, install, enable), (upgrade, restart), (uninstall, remove) = (
-        [c.replace("@can0", "@vcan0").split() for c in step.commands] for step in blocks
+def test_package_is_run_upgraded_and_removed_without_a_trace(train: Train, tmp_path: Path) -> None:
+    (install, enable), (upgrade, restart), (remove, purge) = (
+        [c.replace("@can0", "@vcan0").split() for c in step.commands]
+        for step in run_by("tests/hil/test_install.py", "docs/how-to/install-on-train.md")
     )
     assert enable == ["systemctl", "enable", "--now", UNIT]  # in use()
-    before, rmem = changes(*SYSTEMD), RMEM.read_text()
-    run(ROOT / "tests/hil/install-program")
-    be_version(OLD)
-    laid_out = changes(*SYSTEMD, str(HOME))
-    run(*dry_run)
-    assert changes(*SYSTEMD, str(HOME)) == laid_out
-    assert f"wrcd {OLD}; units start {WRCD}" in run(*install)
-    assert RMEM.read_text() == "8388608\n"
-    use(train)
-    check_running(train, OLD, LOCAL_UNIT)
-
-    be_version(__version__)
-    pid = main_pid()
-    said = run(WRCD, *upgrade[1:])  # which the page has in another folder, as before
-    assert f"wrcd {OLD} -> {__version__}; units start {WRCD}" in said
-    assert f"holds      {CONFIG} ({UNIT})" in said
-    assert f"these run what was there before, until: {' '.join(restart)}\n" in said
-    assert main_pid() == pid
-    assert systemctl("cat", UNIT).startswith(f"# {LOCAL_UNIT}\n")
-
-    restarted = time.time()
-    said = run(WRCD, "install", "--restart")
-    assert f"restarted: {UNIT}\n" in said
-    assert main_pid() not in (0, pid)
-    assert not [line for line in said.splitlines() if line.split()[0] in ("new", "changed", "removed", "kept")]
-    train.wait(restarted + 0.1, seconds=PATIENCE_S)
-    check_running(train, __version__, LOCAL_UNIT)
-    check_kept()
-
-    said = run(*uninstall)
-    assert f"stopped: {UNIT}\n" in said
-    assert run("systemctl", "cat", UNIT, status=1)
-    check_kept()
-    run(*remove)
-    for folder in (CONFIG.parent, DUMP.parents[1], Path("/var/lib/private/wrcd")):
-        shutil.rmtree(folder)
-    assert changes(*SYSTEMD) == before
-    RMEM.write_text(rmem)
-
-
-def test_debian_package_is_run_upgraded_and_removed_without_a_trace(train: Train, dpkg: list[str]) -> None:
+    old, new = package("*~studies"), package(__version__)
+    database = dpkg(tmp_path, old)
     before, rmem = changes(*SYSTEMD, *DPKG), RMEM.read_text()
-    old, new = (next((ROOT / "build/unit").glob(f"wrcd_{version}_*.deb")) for version in (OLD, __version__))
-    run(*dpkg, "-i", old)
+    check_refused_beside_another_installation(database, new)
+    run(*database, *install[1:-1], old)
     assert RMEM.read_text() == "8388608\n"
     use(train)
-    check_running(train, OLD, "/lib/systemd/system/wrcd@.service")
+    check_running(train, old.name.split("_")[1])
 
     edited = SYSCTL.read_text() + "# edited\n"
     SYSCTL.write_text(edited)
+    BROKEN.write_text(DEFAULT + "[limits]\nmin_sped_m_s = 3\n")
+    BROKEN.with_suffix(".env").write_text(f"# as many write it\nWRCD_OPTIONS='-i socketcan --config={BROKEN}'\n")
     pid = main_pid()
-    said = run(*dpkg, "--force-confold", "-i", new)
-    assert f"these run what was there before, until: systemctl restart {UNIT}\n" in said
+    said = run(*database, "--force-confold", *upgrade[1:-1], new)
+    assert f"{BROKEN}:{len(BROKEN.read_text().splitlines())}: limits.min_sped_m_s" in said
+    assert f"does not start with {BROKEN}\n" in said
+    assert str(CONFIG) not in said
+    assert f"these run what was there before, until: {' '.join(restart)}\n" in said
     assert main_pid() == pid
     assert SYSCTL.read_text() == edited
-    assert SYSCTL.with_name("80-wrcd.conf.dpkg-dist").exists()
     restarted = time.time()
-    systemctl("restart", UNIT)
+    run(*restart)
     train.wait(restarted + 0.1, seconds=PATIENCE_S)
-    check_running(train, __version__, "/lib/systemd/system/wrcd@.service")
+    assert main_pid() not in (0, pid)
+    check_running(train, __version__)
     check_kept()
 
-    run(*dpkg, "-r", "wrcd")
+    run(*database, *remove[1:])
     assert run("systemctl", "cat", UNIT, status=1)
     assert not HOME.exists()
+    assert os.path.lexists("/usr/bin/wrcd") is False
     check_kept()
     assert SYSCTL.read_text() == edited
-    run(*dpkg, "-P", "wrcd")
+    run(*database, *purge[1:])
     assert changes(*SYSTEMD, *DPKG) == before
     RMEM.write_text(rmem)
-    assert os.path.lexists("/usr/bin/wrcd") is False

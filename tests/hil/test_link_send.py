@@ -1,7 +1,7 @@
 """The SocketCAN link on a real kernel: frames are sent within their slot, or dropped and counted."""
 
-from sim_ecu.play.slcan import Slcan
 from tests.support.can_ids import ADHESION, ADHESION_A1, AXLES, YAW_RATE_A1
+from tests.support.slcan import Slcan
 from tests.support.vcan import BUS_OFF, ERROR, FaultySocket, Node, ip, now_us
 from wrcd.bus.frame import Frame
 from wrcd.bus.socketcan import SocketCanLink

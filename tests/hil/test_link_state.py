@@ -7,8 +7,8 @@ from itertools import pairwise
 
 import pytest
 
-from sim_ecu.play.slcan import Slcan
 from tests.support.can_ids import ADHESION_A1, YAW_RATE_A1
+from tests.support.slcan import Slcan
 from tests.support.vcan import (
     BUS_ERROR,
     BUS_OFF,

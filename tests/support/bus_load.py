@@ -4,8 +4,6 @@ from wrcd.bus.dbc import Database, Message, cycle_ms
 
 BIT_RATES = (250_000, 500_000, 1_000_000)
 MAX_LOAD_PCT = 80.0
-# sent with [fusion], [advice] or sanders alone, or where somebody drives the train from the bus
-OPTIONAL = ("AdhesionAhead_A", "AdhesionAdvice", "Sand_A", "TrainPosition", "DriverLever")
 
 
 def bits(payload: int, stuffed: bool) -> int:
@@ -29,9 +27,8 @@ def bits_per_s(messages: list[Message], stuffed: bool) -> float:
 
 
 def of_axles(production: Database, rig: Database | None, axles: int) -> list[Message]:
-    """The messages of the first axles and those of the vehicle, without what is off by default; with the rig's
-    database, the truth too."""
-    every = [m for m in (*production.messages, *(rig.messages if rig else ())) if not m.name.startswith(OPTIONAL)]
+    """The messages of the first axles and those of the vehicle; with the rig's database, the truth too."""
+    every = [*production.messages, *(rig.messages if rig else ())]
     return [m for m in every if "_A" not in m.name or int(m.name.rpartition("_A")[2]) <= axles]
 
 

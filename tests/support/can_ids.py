@@ -32,7 +32,6 @@ TORQUE_A1, TORQUE_A2 = TORQUE[1], TORQUE[2]
 SIM_TRUTH_A1 = SIM_TRUTH[1]
 VEHICLE_SPEED = _ID["VehicleSpeed"]
 WRCD_STATUS, WRCD_REJECTS, WRCD_LINK = _ID["WrcdStatus"], _ID["WrcdRejects"], _ID["WrcdLink"]
-ADVICE = _ID["AdhesionAdvice"]
 
 INPUTS = {VEHICLE_SPEED, *YAW_RATE.values(), *LAT_ACCEL.values(), *TORQUE.values()}
 ESTIMATES = {*ADHESION.values(), *ADHESION_DETAIL.values(), *INPUT_HEALTH.values()}

@@ -6,8 +6,8 @@
 
 python -m tests.support.pages           prints the names of the blocks that differ; exit 1 if there are any
 python -m tests.support.pages --write   makes them again
-python -m tests.support.pages --all     the expensive ones too: `sim-ecu faults`, `score`, `loop`, `mark`, `fronts` and
-                                        `sand`, hours; with --write first, for others quote them
+python -m tests.support.pages --all     the expensive ones too: fault matrix and `sim-ecu score`, most of an hour; with
+                                        --write first, for others quote them
 """
 
 import argparse
@@ -17,7 +17,6 @@ import math
 import re
 import shlex
 import sys
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,7 +24,6 @@ from pathlib import Path
 from sim_ecu import resources as rig
 from sim_ecu.cli import main as rig_cli
 from sim_ecu.loop import drive_scenario as drive_keys
-from sim_ecu.loop.fmu.plant import VALID, variables
 from sim_ecu.physics.contact import CURVES
 from sim_ecu.physics.stability import hunting_speed_m_s
 from sim_ecu.physics.track import SPECTRA, deviation
@@ -34,6 +32,7 @@ from sim_ecu.play import scenario_keys
 from sim_ecu.play.vehicles import load_vehicle, packaged_vehicles
 from sim_ecu.reporting.values import MISSED
 from sim_ecu.reporting.verdicts import counted
+from tests.matrix.matrix import HEAD, line, verdicts, whole_axle
 from tests.support.bus_load import table as load_table
 from tests.support.statuses import STATUSES
 from wrcd import resources
@@ -50,19 +49,9 @@ from wrcd.dbc.lint.lint_file import lines as lint_lines
 ROOT = Path(__file__).parents[2]
 # Their output is Markdown already. Of those with sections a page keeps the head and these; --html has the others.
 SECTIONS: dict[str, tuple[str, ...]] = {
-    "sim-ecu faults": (),
-    "sim-ecu loop": ("goals",),
-    "sim-ecu fronts": ("fronts", "told"),
-    "sim-ecu mark": ("tied slopes", "untied slopes", "all stops", "late films", "rails", "goals"),
     "sim-ecu score --suite worlds --beside was=lone-wheelset": ("worlds", "goals"),
     "sim-ecu score --design lone-wheelset": ("grid", "goals"),
-    "sim-ecu score --suite fusion": ("fusion",),
 }
-# Rows of the fault matrix that do as those of the yaw rate alone do.
-WHOLE_AXLE = re.compile(r"\| [^|]+ \| all of the axle \|")
-LONG_TABLE = re.compile(
-    r"^\| (?:warned before, of|false warnings of a train) \|(?:.*\n)+?\n", re.MULTILINE
-)  # of fusion
 SECTION = re.compile(r"^\*\*([\w -]+)\*\*: ", re.MULTILINE)
 BLOCK = re.compile(r"^<!-- (command|made): (.+?) -->\n(.*?)^<!-- end -->$", re.MULTILINE | re.DOTALL)
 NUMBERED = re.compile(r"_A\d+$")
@@ -73,7 +62,6 @@ WORD_BITS = 8  # a shorter signal with a value table takes no other values
 MANY_WORDS = 10  # of a value table: it is printed once
 Row = tuple[object, ...]
 _MAINS: dict[str, Callable[[list[str]], int]] = {"wrcd": cli.main, "sim-ecu": rig_cli.main}
-PROGRAMS = {p.name: p for p in (cli.WRCD, rig_cli.SIM_ECU)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +77,7 @@ class Block:
     @property
     def expensive(self) -> bool:
         """Whether making it takes minutes."""
-        return self.what in SECTIONS
+        return self.what in SECTIONS or self.what == "fault-matrix"
 
     @property
     def name(self) -> str:
@@ -119,11 +107,7 @@ def make(block: Block) -> str:
 
 
 def short(command: str, output: str) -> str:
-    """Return what a page keeps of an expensive command's output: its head and the sections of SECTIONS; of the fault
-    matrix the rows of single signals."""
-    if command == "sim-ecu faults":
-        return "".join(line for line in output.splitlines(keepends=True) if not WHOLE_AXLE.match(line))
-    output = LONG_TABLE.sub("", output)
+    """Return what a page keeps of an expensive command's output: its head and the sections of SECTIONS."""
     begins = [m.start() for m in SECTION.finditer(output)]
     parts = [output[a:b] for a, b in zip([0, *begins], [*begins, len(output)], strict=True)]
     kept = (part for part in parts[1:] if SECTION.match(part)[1] in SECTIONS[command])  # type: ignore[index]
@@ -209,45 +193,6 @@ def _first_axle(comment: str) -> str:
     return re.sub(r"wheelset 1\b", "wheelset *a*", comment)
 
 
-# --- commands
-
-
-def options(program: str) -> list[str]:
-    """Every command of a program with its arguments, defaults and help; those of several commands once."""
-    parser = PROGRAMS[program].parser()
-    choices = next(a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
-    helps = {c.dest: c.help for c in choices._choices_actions}
-    rows = {name: [_row(a) for a in c._actions if a.dest != "help"] for name, c in choices.choices.items()}
-    count = Counter(row for found in rows.values() for row in found)
-    shared = [row for row in count if count[row] > 1]
-    top = [_row(a) for a in parser._actions if a.option_strings and a.dest != "help"]
-    out = [f"- {name}: {what}" for name, what in top]
-    out += ["", f"### {program}: of several commands", "", *(f"- {name}: {what}" for name, what in shared)]
-    for name, found in rows.items():
-        out += ["", f"### {program} {name}", "", f"{_sentence(helps[name] or '')}."]
-        out += [f"Also: {', '.join(_bare(row) for row in found if row in shared)}."] if set(found) & set(shared) else []
-        own = [row for row in found if row not in shared]
-        out += ["", *(f"- {name}: {what}" for name, what in own)] if own else []
-    return out
-
-
-def _bare(row: tuple[str, str]) -> str:
-    """An argument without its value."""
-    return re.sub(r"(`-[^ ,`]+(?:, --[^ `]+)?).*", r"\1`", row[0])
-
-
-def _row(a: argparse.Action) -> tuple[str, str]:
-    metavar = a.metavar or ("{" + ", ".join(map(str, a.choices)) + "}" if a.choices else a.dest.upper())
-    takes = "" if a.nargs == 0 else f" {metavar}" if a.nargs != "?" else f" [{metavar}]"
-    names = ", ".join(a.option_strings) + takes if a.option_strings else str(a.metavar or a.dest)
-    # a default of all cores is this machine's
-    return f"`{names}`", re.sub(r"\s+", " ", a.help or "")
-
-
-def _sentence(text: str) -> str:
-    return text[:1].upper() + text[1:]
-
-
 # --- configuration
 
 
@@ -256,16 +201,13 @@ def configuration(which: str) -> list[str]:
     if which == "tables":
         named = [(f"{table}.{key.name}", key) for table, keys in declared.TABLES.items() for key in keys]
     elif which == "input":
-        keys = {key.name: key for keys in declared.INPUTS.values() for key in keys}
-        named = [(key.name, key) for key in (*declared.TORQUE_INPUT, declared.REVERSE) if keys[key.name] is key]
+        named = [(key.name, key) for key in (*declared.TORQUE_INPUT, declared.REVERSE)]
     else:
         own = declared.output_keys("adhesion")[: -len(MESSAGES["adhesion"])]
         fields = declared.field_keys(MESSAGES["adhesion"]["MuAvailable"])
         named = [(key.name, key) for key in own] + [(f"….{key.name}", key) for key in fields]
-    rows: list[Row] = [
-        (f"`{name}`", key.takes, key.shown_default, "yes" if key.reload else "", key.what) for name, key in named
-    ]
-    return table(("key", "takes", "default", "reload", "what"), rows)
+    rows: list[Row] = [(f"`{name}`", key.takes, key.shown_default, key.what) for name, key in named]
+    return table(("key", "takes", "default", "what"), rows)
 
 
 def scenario(which: str = "") -> list[str]:
@@ -355,14 +297,6 @@ def lint_of(file: str) -> list[str]:
     return ["```text", *lines[:first], "...", lines[last], "```"]
 
 
-def fmu_variables() -> list[str]:
-    """Variables of the FMU, those of axle 1 for those of every axle; a sensor's validity stands with the sensor."""
-    rows: list[Row] = [
-        (f"`{v.name}`", v.causality, v.kind, v.unit, v.what) for v in variables([1]) if not v.name.endswith(VALID)
-    ]
-    return table(("name", "causality", "type", "unit", "what"), rows)
-
-
 HEADLINES = (
     "worlds: its own vehicle, mean error", "worlds: its own vehicle, its own interval holds the truth",
     "worlds: its own vehicle, Valid and wrong, share of frames", "worlds: slopes untied, mean error",
@@ -392,9 +326,14 @@ def goals_of(page: str) -> list[tuple[str, str, str, str]]:
     return [(name, value, bound, verdict) for name, value, bound, verdict in rows[1:]]
 
 
+def fault_matrix() -> list[str]:
+    """The rows of single signals."""
+    return [*HEAD.splitlines(), *(line(row, verdict) for row, verdict in verdicts() if not whole_axle(row))]
+
+
 MAKERS: dict[str, Callable[..., list[str]]] = {
+    "fault-matrix": fault_matrix,
     "messages": messages,
-    "options": options,
     "configuration": configuration,
     "bus-load": bus_load,
     "exit-codes": exit_codes,
@@ -404,7 +343,6 @@ MAKERS: dict[str, Callable[..., list[str]]] = {
     "drive-scenario": drive_scenario,
     "tracks": tracks,
     "vehicles": vehicles,
-    "fmu-variables": fmu_variables,
     "accuracy": accuracy,
 }
 

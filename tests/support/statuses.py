@@ -1,4 +1,4 @@
-"""What each exit status of each command means: pages and manual are made from it, and tests try each."""
+"""What each exit status of each command means: the page is made from it, and tests try each."""
 
 from wrcd.errors import Status
 
@@ -24,11 +24,6 @@ WRCD: dict[str, dict[Status, str]] = {
         Status.BAD_INPUT: "bad configuration, DBC or design: file, line, key, reason; the unit does not try again",
         Status.NOT_THERE: "the bus or a file cannot be opened, after `--wait` at the latest; the unit tries again",
         Status.INTERRUPTED: "Ctrl-C before it ran",
-    },
-    "reload": {
-        Status.DONE: "the file holds: limits were taken over, or nothing has changed; what needs a restart is named",
-        Status.STOPPED: "nothing was taken over: a mistake in the file, every change needs a restart, or no answer",
-        Status.BAD_INPUT: "the process is no `wrcd run`, runs on a terminal, or is another user's",
     },
     "init": {
         Status.DONE: "the proposal is written; standard error says what is open and unsure",
@@ -88,29 +83,10 @@ WRCD: dict[str, dict[Status, str]] = {
         Status.BAD_INPUT: f"{_BAD}: no usable log, a time outside of it, an axle that it has not",
         Status.INTERRUPTED: "Ctrl-C",
     },
-    "install": {
-        Status.DONE: "installed, or with `--dry-run` looked at; the output says what changed and what was kept",
-        Status.STOPPED: "not all of it is installed: a file, or systemctl, failed on the way; install again; or with "
-        "`--restart` a unit could not be restarted",
-        Status.BAD_INPUT: "nothing was changed: no root, no systemd, a program that units cannot start, or a "
-        "configuration that does not hold with this version",
-    },
-    "uninstall": {
-        Status.DONE: "removed, or with `--dry-run` looked at; the output says what was kept",
-        Status.STOPPED: "not all of it is removed: a file, or systemctl, failed on the way; uninstall again",
-        Status.BAD_INPUT: "nothing was removed: no root, no systemd, or nothing that `wrcd install` has installed",
-    },
-    "completion": {Status.DONE: "the script is printed"},
 }
 RIG: dict[str, dict[Status, str]] = {
     "list": {Status.DONE: "done"},
     "play": {
-        Status.DONE: "the scenario is over, or SIGTERM or Ctrl-C came",
-        Status.BAD_INPUT: _RIG_BAD,
-        Status.NOT_THERE: _RIG_BUS,
-        Status.INTERRUPTED: "Ctrl-C before it played, or with `--fast`",
-    },
-    "inject": {
         Status.DONE: "the scenario is over, or SIGTERM or Ctrl-C came",
         Status.BAD_INPUT: _RIG_BAD,
         Status.NOT_THERE: _RIG_BUS,
@@ -129,48 +105,16 @@ RIG: dict[str, dict[Status, str]] = {
         Status.NOT_THERE: "the bus or a file cannot be opened",
         Status.INTERRUPTED: "Ctrl-C before it controlled",
     },
-    "driver": {
-        Status.DONE: "SIGTERM or Ctrl-C came, or the time of `--for` is over",
-        Status.BAD_INPUT: _RIG_BAD,
-        Status.NOT_THERE: "the bus or a file cannot be opened",
-        Status.INTERRUPTED: "Ctrl-C before it drove",
-    },
-    "faults": {
-        Status.DONE: "every row did what it must",
-        Status.STOPPED: "a row failed: the table says which",
-        Status.BAD_INPUT: _RIG_BAD,
-        **_STOPPED,
-    },
     "design": {
         Status.DONE: "the file is made",
         Status.STOPPED: "jobs failed twice: the error names them",
         **_MADE,
     },
-    "contact": {Status.DONE: "done", Status.BAD_INPUT: _RIG_BAD, **_STOPPED},
     "score": {
         Status.DONE: _PRINTED,
         Status.STOPPED: _HOLES,
         **_MADE,
         Status.BAD_INPUT: f"{_RIG_BAD}; {_UNJUDGED}",
-    },
-    "loop": {
-        Status.DONE: _PRINTED,
-        Status.STOPPED: _HOLES,
-        Status.BAD_INPUT: f"{_RIG_BAD}; {_UNJUDGED}",
-        **_STOPPED,
-    },
-    "mark": {
-        Status.DONE: _PRINTED,
-        Status.STOPPED: _HOLES,
-        Status.BAD_INPUT: f"{_RIG_BAD}; {_UNJUDGED}",
-        **_STOPPED,
-    },
-    "fronts": {Status.DONE: "the tables are printed", Status.STOPPED: _HOLES, Status.BAD_INPUT: _RIG_BAD, **_STOPPED},
-    "sand": {
-        Status.DONE: "the tables are printed, whatever the goal's verdict",
-        Status.STOPPED: "runs failed twice: the error names them; their rails are left out of the tables",
-        Status.BAD_INPUT: _RIG_BAD,
-        **_STOPPED,
     },
     "campaign": {
         Status.DONE: "every job is done",
@@ -179,13 +123,7 @@ RIG: dict[str, dict[Status, str]] = {
         Status.BAD_INPUT: _RIG_BAD,
         Status.INTERRUPTED: "Ctrl-C or SIGTERM: the same command goes on from there",
     },
-    "figures": {Status.DONE: "the figures are drawn, whatever they show", **_MADE},
-    "fmu": {
-        Status.DONE: "the FMU is made",
-        Status.BAD_INPUT: _RIG_BAD,
-        Status.NOT_THERE: "the scenario's file cannot be opened: it may be there on the next try",
-        **_STOPPED,
-    },
+    "figures": {Status.DONE: "the figures are drawn", **_MADE},
     "demo": {
         Status.DONE: "valid estimates were seen",
         Status.STOPPED: "no valid estimate was seen",
@@ -193,7 +131,6 @@ RIG: dict[str, dict[Status, str]] = {
         Status.NOT_THERE: _RIG_BUS,
         **_STOPPED,
     },
-    "completion": {Status.DONE: "the script is printed"},
 }
 
 STATUSES = {"wrcd": WRCD, "sim-ecu": RIG}

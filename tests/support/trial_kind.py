@@ -16,10 +16,12 @@ from typing import Any, TypeAlias
 import pandas as pd
 
 from sim_ecu.campaign.kind import Factor, Kind, Scalar
+from tests.support.processes import wait_for
 from wrcd.errors import InputError
 
 Write: TypeAlias = Callable[..., Path]  # the fixture that writes a campaign's file
 HANGS_S = 600.0
+GATE_S = 120.0  # a test that failed opens none
 
 
 def figures(inputs: Mapping[str, Any]) -> Mapping[str, Scalar]:
@@ -29,8 +31,7 @@ def figures(inputs: Mapping[str, Any]) -> Mapping[str, Scalar]:
         os.write(fd, f"{inputs['x']:g} {inputs['seed']} {os.getpid()}\n".encode())
         os.close(fd)
     if inputs.get("waits_for") and inputs["seed"] >= inputs.get("waits_from", 0):
-        while not Path(str(inputs["waits_for"])).exists():
-            time.sleep(0.01)
+        wait_for("the gate", GATE_S, Path(str(inputs["waits_for"])).exists)
     act(str(inputs.get("act", "")), int(inputs["seed"]))
     text = Path(str(inputs["file"])).read_text(encoding="utf-8") if inputs.get("file") else ""
     return {"sum": float(inputs["x"]) + int(inputs["seed"]), "letters": len(text), "even": inputs["seed"] % 2 == 0}

@@ -1,4 +1,4 @@
-"""A unit under a real systemd, and a train whose sensors canplayer plays."""
+"""The package and its unit under a real systemd, and a train whose sensors canplayer plays."""
 
 import subprocess
 import time
@@ -13,11 +13,34 @@ from wrcd.logs.damage import Damage
 from wrcd.logs.reader import read_log
 
 UNIT = "wrcd@vcan0"
-PLAYED = ROOT / "build/unit/dry.log"
+# made by tests/hil/unit-env
+BUILT = ROOT / "build/unit"
+PLAYED = BUILT / "dry.log"
 
 
 def output(*words: str) -> str:
     return subprocess.run(words, timeout=60, check=True, capture_output=True, text=True).stdout.strip()
+
+
+def package(version: str) -> Path:
+    """The Debian package of a version; "*~studies": of the older one."""
+    (file,) = BUILT.glob(f"wrcd_{version}_*.deb")
+    return file
+
+
+def dpkg(folder: Path, file: Path) -> list[str]:
+    """dpkg with a database in a folder, of what a package needs: to read this machine's takes ten seconds in the
+    guest."""
+    (folder / "updates").mkdir()
+    (folder / "info").mkdir()
+    needed = output("dpkg-deb", "--field", str(file), "Depends")
+    contents = output("dpkg-deb", "--contents", str(file))
+    names = [word.split()[0] for word in needed.split(", ")]
+    # so that it knows them for folders of others: it removes its own where they are empty
+    folders = {line.split()[-1][1:].rstrip("/") or "/." for line in contents.splitlines() if line.startswith("d")}
+    (folder / "info/systemd.list").write_text("".join(f"{f}\n" for f in sorted(folders) if Path(f).is_dir()))
+    (folder / "status").write_text("\n".join(output("dpkg-query", "--status", name) + "\n" for name in names))
+    return ["dpkg", "--admindir", str(folder)]
 
 
 def systemctl(*words: str) -> str:

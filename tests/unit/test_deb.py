@@ -1,5 +1,6 @@
 """The Debian package: what is in it, and that the same tree gives the same bytes."""
 
+import gzip
 import hashlib
 import os
 import re
@@ -11,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from wrcd import __version__, native
-from wrcd.cli.installation.tree import RECORD
+from wrcd.cli.main import WRCD
 
 ROOT = Path(__file__).parents[2]
 NEEDS_DPKG = pytest.mark.skipif(
@@ -102,19 +103,43 @@ def test_package_without_the_native_estimator_is_not_built(tmp_path: Path) -> No
     assert "has no compiled estimator: install gcc" in done.stderr
 
 
-@pytest.mark.parametrize("installed_since", [False, True])
-def test_purge_of_a_removed_package_leaves_what_was_installed_since(tmp_path: Path, installed_since: bool) -> None:
-    kept = tmp_path / "etc/wrcd/can0.toml", tmp_path / "var/lib/private/wrcd/can0/2026.log"
-    record = tmp_path / RECORD
-    for file in (*kept, *([record] if installed_since else [])):
-        file.parent.mkdir(parents=True)
-        file.touch()
+# what readline would offer for the last word
+COMPLETE = """
+source "$1"
+COMP_WORDS=("${@:2}") COMP_CWORD=$(($# - 2))
+$(complete -p wrcd | sed 's/.*-F \\([^ ]*\\) .*/\\1/')
+printf '%s\\n' "${COMPREPLY[@]}"
+"""
+
+
+def completed(script: Path, *words: str) -> list[str]:
+    """What bash offers for the last word in the script's folder."""
     done = subprocess.run(
-        ["sh", ROOT / "systemd/deb/postrm", "purge"], env={**os.environ, "DPKG_ROOT": str(tmp_path)}, check=True,
-        capture_output=True, text=True,
+        ["bash", "--norc", "-c", COMPLETE, "bash", script, *words],
+        cwd=script.parent, capture_output=True, text=True, timeout=30, check=False,
     )  # fmt: skip
-    assert [file.exists() for file in kept] == [installed_since] * 2
-    assert ("run `wrcd install` again" in done.stderr) is installed_since
+    return done.stdout.split()
+
+
+@NEEDS_DPKG
+def test_package_brings_a_manual_page_and_completion_of_every_command(package: Path, tmp_path: Path) -> None:
+    subprocess.run(["dpkg-deb", "--extract", package, tmp_path], check=True)
+    page = gzip.decompress((tmp_path / "usr/share/man/man1/wrcd.1.gz").read_bytes()).decode()
+    assert [line for line in page.splitlines() if line.startswith(".SH wrcd ")] == [f".SH wrcd {n}" for n in WRCD.names]
+    script = tmp_path / "usr/share/bash-completion/completions/wrcd"
+    assert completed(script, "wrcd", "") == list(WRCD.names)
+    assert completed(script, "wrcd", "replay", "--ev") == ["--events"]
+    assert completed(script, "wrcd", "run", "--config", "wr") == ["wrcd"]
+    zsh = tmp_path / "usr/share/zsh/vendor-completions/_wrcd"
+    assert zsh.read_text().startswith("#compdef wrcd\n")
+
+
+@NEEDS_DPKG
+def test_every_unit_starts_what_the_package_brings(package: Path, tmp_path: Path) -> None:
+    subprocess.run(["dpkg-deb", "--extract", package, tmp_path], check=True)
+    unit = (tmp_path / "usr/lib/systemd/system/wrcd@.service").read_text()
+    for program in re.findall(r"^Exec\w+=(\S+)", unit, re.MULTILINE):
+        assert (tmp_path / program[1:]).stat().st_mode & 0o111
 
 
 @NEEDS_DPKG

@@ -17,16 +17,15 @@ import pytest
 
 from sim_ecu import bench
 from sim_ecu.cli import main as rig_cli
-from sim_ecu.design.brief import load_source
-from sim_ecu.play.expected import LONG_ROWS, ROWS
-from sim_ecu.play.matrix import HEAD, Verdict, line
 from sim_ecu.reporting import verdicts
 from sim_ecu.reporting.values import CHANCE, MET, MET_CHANCE, MISSED, TOO_FEW
 from sim_ecu.score import SUITES, WORLDS
 from sim_ecu.score.metrics.bootstrap import NOTHING
-from sim_ecu.score.run_score import ScoreRequest, belonging, make_baselines
+from sim_ecu.score.run_score import ScoreRequest, make_baselines, paper_form_of
 from sim_ecu.score.score_goals import ACCUSED, SCORE_GOALS
 from sim_ecu.score.suites.worlds import EVERY
+from tests.matrix.expected import LONG_ROWS, ROWS
+from tests.matrix.matrix import HEAD, Verdict, line, whole_axle
 from tests.support import pages
 from tests.support.bus_load import MAX_LOAD_PCT, bits, bits_per_s, of_axles
 from tests.support.lone_wheelset import LONE_DESIGN
@@ -41,9 +40,9 @@ from wrcd.contract.frames import Says
 from wrcd.core import causes, configuration, core, inputs, plausibility, validity, vocabulary
 from wrcd.core.core import Core
 from wrcd.estimator import answer
+from wrcd.estimator.design import load_design
 from wrcd.estimator.signals import gate
 from wrcd.service import journal
-from wrcd.service.reload import LIMITS
 
 ROOT = pages.ROOT
 DOCS = ROOT / "docs"
@@ -88,7 +87,7 @@ def test_every_marker_has_an_end_and_each_expensive_block_is_there_once() -> Non
     for page in PAGES:
         body = page.read_text(encoding="utf-8")
         assert len(re.findall(r"^<!-- (?:command|made): ", body, re.MULTILINE)) == len(pages.BLOCK.findall(body)), page
-    assert sorted(b.what for b in pages.blocks() if b.expensive) == sorted(pages.SECTIONS)
+    assert sorted(b.what for b in pages.blocks() if b.expensive) == sorted([*pages.SECTIONS, "fault-matrix"])
 
 
 # --- paths, commands
@@ -186,33 +185,10 @@ CONTROLLER = "docs/reference/what-a-controller-does.md"
 
 def test_controller_page_has_every_cause() -> None:
     found = [r for r in rows(CONTROLLER, "## Causes") if len(r) == 4]
-    assert [(r[0], r[1]) for r in found[:-2]] == [(str(int(c)), c.label) for c in causes.Cause]
+    assert [(r[0], r[1]) for r in found[:-1]] == [(str(int(c)), c.label) for c in causes.Cause]
     detail = next(m for m in load_dbc(resources.DBC).messages if m.name == "AdhesionDetail_A1")
     bits = next(s for s in detail.signals if s.name == "Cause").length
-    assert found[-2][0] == f"{len(causes.Cause)} … {2**bits - 2}"
-    assert found[-1][:2] == [str(2**bits - 1), vocabulary.DROP_AHEAD]
-
-
-def test_controller_page_has_every_word_of_what_lies_ahead() -> None:
-    found: dict[str, set[str]] = {}
-    for signal, value, *_ in rows(CONTROLLER, "## What lies ahead"):
-        found.setdefault(signal or next(reversed(found)), set()).update(value.split(", "))
-    for name, said in vocabulary.MESSAGES["ahead"].items():
-        assert found[name]
-        if isinstance(said, vocabulary.Words):
-            assert found[name] - {"any other value"} == set(said.words)
-
-
-def test_controller_page_has_every_word_and_limit_of_the_advice() -> None:
-    found: dict[str, set[str]] = {}
-    for signal, value, *_ in rows(CONTROLLER, "## The train's advice"):
-        found.setdefault(signal or next(reversed(found)), set()).update(value.split(", "))
-    for name, said in vocabulary.MESSAGES["advice"].items():
-        assert found[name]
-        if isinstance(said, vocabulary.Words):
-            assert found[name] - {"any other value"} == {*said.words, *said.extra}
-    for category, limit in vocabulary.CATEGORY_LIMITS:
-        assert found[category] == {f"{limit:.1f} m/s²"}
+    assert found[-1][0] == f"{len(causes.Cause)} … {2**bits - 1}"
 
 
 @pytest.mark.parametrize(
@@ -311,11 +287,6 @@ def test_reasons_of_a_rejection_are_those_of_the_code() -> None:
     assert [r[0] for r in rows("docs/reference/validity.md", "## Why a frame is rejected")] == list(Reason)
 
 
-def test_configuration_table_marks_what_a_reload_takes_over() -> None:
-    found = [r for r in rows("docs/reference/configuration.md") if r[0].startswith("`") and len(r) == 5]
-    assert {r[0].strip("`") for r in found if r[3] == "yes"} == {key for key, _ in LIMITS.values()}
-
-
 def test_log_lines_have_every_state_and_counter() -> None:
     said = re.sub(r"\b\d+\b", "N", text("docs/reference/log-lines.md"))
     counters = [
@@ -390,11 +361,11 @@ def test_page_names_the_most_axles_of_each_bit_rate() -> None:
 
 
 def test_fault_matrix_has_the_rows_of_the_code() -> None:
-    (block,) = (b for b in pages.blocks() if b.what == "sim-ecu faults")
+    (block,) = (b for b in pages.blocks() if b.what == "fault-matrix")
     lines = block.text.strip().splitlines()
     assert lines[:2] == HEAD.splitlines()
-    judged = [line(row, Verdict(None, None, None, None, "")) for row in (*ROWS, *LONG_ROWS)]
-    judged = [row for row in judged if not pages.WHOLE_AXLE.match(row)]
+    shown = [row for row in (*ROWS, *LONG_ROWS) if not whole_axle(row)]
+    judged = [line(row, Verdict(None, None, None, None, "")) for row in shown]
     assert [x.split("|")[1:5] for x in lines[2:]] == [x.split("|")[1:5] for x in judged]
     assert {x.split("|")[-2].strip() for x in lines[2:]} == {"yes"}
 
@@ -424,10 +395,10 @@ def test_score_has_the_suites_causes_and_baselines_of_the_code() -> None:
     assert set(re.findall(r"([A-Z]\w+) \d+\.\d %", shown)) <= {c.label for c in causes.Cause}
     levels = [name for _, name in vocabulary.CONFIDENCES]
     assert re.findall(r"^\| (Wi\w+) \| [\d.]+ % \|", shown, re.MULTILINE) == levels
-    baselines, papers = (belonging(LONE_DESIGN, s) for s in ("baselines.json", "paper.design.json"))
+    papers = paper_form_of(LONE_DESIGN)
     assert papers is not None
-    asked = ScoreRequest(LONE_DESIGN, baselines, (("the paper's own form", papers),))
-    names = list(make_baselines(load_source(LONE_DESIGN), asked))
+    asked = ScoreRequest(LONE_DESIGN, (("the paper's own form", papers),))
+    names = list(make_baselines(load_design(LONE_DESIGN), asked))
     grid = shown.partition("**grid**")[2].partition("**goals**")[0]
     assert [n for n in re.findall(r"^\| ([^|]+) \|.* better \|", grid, re.MULTILINE) if n in names] == names
 

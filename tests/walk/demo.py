@@ -34,7 +34,7 @@ def judged(said: str, lines: int) -> tuple[str, str]:
     busy machine delays beyond their limit are rightly stale. Where nothing else runs it is nine of ten.
     """
     live = [line for line in said.splitlines() if re.match(r" *\d+\.\d s A1 ", line)]
-    valid = [line for line in live if " Valid " in line]
+    valid = [line for line in live if line.endswith(" Valid")]
     expect(len(live) >= lines, f"{len(live)} live lines, not {lines}:\n{said}")
     expect(len(valid) >= 0.5 * len(live), f"only {len(valid)} of {len(live)} live lines are Valid:\n{said}")
     pairs = [m for line in valid if (m := re.search(r"truth +([\d.]+) %  wrcd +([\d.]+)", line))]

@@ -11,7 +11,6 @@ WRCD = Program(
     "wrcd.cli",
     (
         "run",
-        "reload",
         "check",
         "dump",
         "monitor",
@@ -22,9 +21,6 @@ WRCD = Program(
         "init",
         "lint",
         "kit",
-        "install",
-        "uninstall",
-        "completion",
     ),
 )
 

@@ -25,7 +25,7 @@ LIBRARIES = ("numpy", "cantools", "python-can")
 
 @dataclass(frozen=True, slots=True)
 class Subcommand:
-    """A command, from which parser, help, manual page and completion are made.
+    """A command, from which parser and help are made.
 
     add gives a parser its arguments; run gets what was parsed and returns the exit status. It imports the modules that
     the command needs: the daemon starts without them.

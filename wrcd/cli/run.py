@@ -51,7 +51,6 @@ def _run(args: argparse.Namespace) -> int:
         from wrcd.service.journal import log_line
         from wrcd.service.loop import Daemon
         from wrcd.service.notify import Notifier, lock
-        from wrcd.service.reload import Reload
         from wrcd.service.waiting import Waiting
 
         # no garbage among what the imports made: the collector need not look through it while the DBC is parsed
@@ -76,16 +75,15 @@ def _run(args: argparse.Namespace) -> int:
         f"{link.name}, axles {', '.join(str(a.number) for a in config.axles)}, design {config.design.name} "
         f"{config.design.checksum[:12]}"
     )
+    for warning in config.warnings:
+        log_line(f"warning: {warning}")
     if (slow := native.slow()) is not None:
         log_line(slow)
     if args.lock_memory and (reason := lock()):
         log_line(f"memory is not locked: {reason}; set LimitMEMLOCK=infinity (realtime.conf)")
-    # On a terminal SIGHUP means that the terminal is gone, to a service that its configuration is to be read again.
-    terminal = sys.stdin is not None and sys.stdin.isatty()
-    reload = None if terminal else Reload(args.config, config)
     recorder = make_recorder(core, args.channel or config.channel, log_line)
     try:
-        Daemon(core, link, Notifier(), reload=reload, recorder=recorder).run()
+        Daemon(core, link, Notifier(), recorder=recorder).run()
     finally:
         link.close()
     counts = core.counts

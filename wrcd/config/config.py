@@ -10,9 +10,8 @@ from wrcd import resources
 from wrcd.bus.dbc import Database, load_dbc
 from wrcd.bus.units import Quantity
 from wrcd.config import declared
-from wrcd.config.advice_settings import ADVICE_MESSAGE
 from wrcd.config.configured_train import all_statements, read_train
-from wrcd.config.fusion import read_positions, untold
+from wrcd.config.ended_keys import take_out
 from wrcd.config.input_mapping import STALE_TICKS
 from wrcd.config.keys import KeyOf, names
 from wrcd.config.outputs import STATUS_MESSAGES, usual_messages
@@ -50,19 +49,13 @@ torque = "Torque_A{a}.Torque"
 DEFAULT = packaged(DEFAULT_AXLES)
 
 
-def load_config(
-    path: Path | None,
-    read_dbc: Callable[..., Database] = load_dbc,
-    read_design: Callable[[Path], Design] = load_design,
-    design_file: Path | None = None,
-) -> Config:
+def load_config(path: Path | None, design_file: Path | None = None) -> Config:
     """Read a configuration file, or the default one for None. Raises InputError with file, line, key and advice: all
     mistakes of the file at once.
 
-    Who has the DBC or the design already says so by a reader of their own; that of a DBC takes its encoding, too.
     design_file: holds in place of the one that the file names.
     """
-    return _config(*_source(path), read_dbc, read_design, design_file)
+    return _config(*_source(path), load_dbc, load_design, design_file)
 
 
 def mistakes(text: str, file: Path, folder: Path, design: Design) -> Sequence[InputError]:
@@ -90,15 +83,10 @@ def input_mappings(path: Path | None) -> list[Statement]:
     return all_statements(list(top.sections("axle")), top.section("vehicle"))
 
 
-def load_packaged(
-    axles: int, positions_m: Sequence[float] | None = None, design: str | None = None, *, advice: bool = False
-) -> Config:
-    """The default configuration, but of so many axles; with their positions (m), with fusion along the vehicle,
-    which then runs one way; with a packaged design instead of the default one; with the train's advice."""
-    fusion = "" if positions_m is None else f"[fusion]\npositions_m = {list(positions_m)}\none_way = true\n"
+def load_packaged(axles: int, design: str | None = None) -> Config:
+    """The default configuration, but of so many axles; with a packaged design instead of the default one."""
     estimator = "" if design is None else f'[estimator]\ndesign = "{design}"\n'
-    advised = "[advice]\n" if advice else ""
-    top = parse_toml(packaged(axles) + fusion + estimator + advised, "default configuration", collect=True)
+    top = parse_toml(packaged(axles) + estimator, "default configuration", collect=True)
     return _config(top, Path(), load_dbc, load_design)
 
 
@@ -107,7 +95,7 @@ def _messages(top: Section) -> set[str]:
     named = {text.partition(".")[0] for text in top.strings()}
     numbers = (table.raw("number") for table in top.sections("axle"))
     usual = {name for n in numbers if isinstance(n, int) for name in usual_messages(n)}
-    return named | usual | {*STATUS_MESSAGES, ADVICE_MESSAGE}
+    return named.union(usual, STATUS_MESSAGES)
 
 
 def _source(path: Path | None) -> tuple[Section, Path]:
@@ -125,6 +113,7 @@ def _config(
     given_design: Path | None = None,
 ) -> Config:
     """Read it all. What has a mistake is left out or has its default until the end, where mistakes are raised."""
+    ended = take_out(top)
     bus, dbc, estimator = top.section("bus"), top.section("dbc"), top.section("estimator")
     limits, vehicle = top.section("limits"), top.section("vehicle")
     read_dbc = partial(read_dbc, encoding=declared.ENCODING.read(dbc))
@@ -145,7 +134,6 @@ def _config(
     stamps = declared.TIMESTAMPS.value(bus)
     min_speed, total = declared.MIN_SPEED.value(limits), declared.TORQUE_IS_TOTAL.read(vehicle)
     recorder = _recorder(top.section("recorder"), folder)
-    positions = read_positions(top, train.axles, design)
     for name, section in (
         ("bus", bus),
         ("dbc", dbc),
@@ -180,9 +168,7 @@ def _config(
         constant_speed_m_s=constant,
         torque_is_total=total,
         recorder=recorder,
-        positions_m=positions,
-        advice=train.advice,
-        warnings=(*database.warnings, *train.warnings, *untold(positions, train.axles)),
+        warnings=(*ended, *database.warnings, *train.warnings),
     )
 
 

@@ -11,11 +11,10 @@ from wrcd.bus.frame import EXTENDED
 from wrcd.bus.signals import Output, StatusRule
 from wrcd.bus.units import Quantity
 from wrcd.config import declared
-from wrcd.config.advice_settings import read_advice
 from wrcd.config.input_mapping import check_pace, resolve
 from wrcd.config.keys import names
 from wrcd.config.outputs import STATUS_KEYS, STATUS_MESSAGES, output, usual_messages
-from wrcd.config.section import TO_FILL_IN, Section
+from wrcd.config.section import Section
 from wrcd.config.statements import (
     AXLE_QUANTITIES,
     TORQUES,
@@ -27,11 +26,10 @@ from wrcd.config.statements import (
     statements,
 )
 from wrcd.config.status_rules import status_rules
-from wrcd.core.configuration import MAX_AXLES, AdviceConfig, AxleConfig, Input
+from wrcd.core.configuration import MAX_AXLES, AxleConfig, Input
 from wrcd.estimator.design import Design
 
-AHEAD = "ahead"
-AXLE_OUTPUTS = ("adhesion", "detail", "inputs", AHEAD)
+AXLE_OUTPUTS = ("adhesion", "detail", "inputs")
 
 
 class ConfiguredTrain:
@@ -42,7 +40,6 @@ class ConfiguredTrain:
         self.inputs: list[Input] = []
         self.data_ids: dict[str, int | None] = {}
         self.own: list[Output | None] = []  # the daemon's own: status, rejects, link
-        self.advice: AdviceConfig | None = None
         self.warnings: list[str] = []
 
 
@@ -53,7 +50,7 @@ def all_statements(tables: Sequence[Section], vehicle: Section) -> list[Statemen
 
 
 def read_train(top: Section, vehicle: Section, database: Database | None, design: Design | None) -> ConfiguredTrain:
-    """Read [vehicle], [[axle]] and [advice]. Mistakes are collected.
+    """Read [vehicle] and [[axle]]. Mistakes are collected.
 
     Without a database or a design (they have mistakes of their own) only what the configuration says by itself is
     looked at.
@@ -74,9 +71,6 @@ def read_train(top: Section, vehicle: Section, database: Database | None, design
     for table in tables:
         number = _number(table, numbers)
         usual = ("",) * len(AXLE_OUTPUTS) if number is None else usual_messages(number)
-        if "fusion" not in top:
-            usual = (*usual[:-1], "")  # nobody asks what lies ahead
-            _check_no_ahead(top, table)
         found = [output(table, kind, known, name, tick_ms) for kind, name in zip(AXLE_OUTPUTS, usual, strict=True)]
         sent += [
             (table.place(kind, declared.MESSAGE.name), o)
@@ -91,22 +85,11 @@ def read_train(top: Section, vehicle: Section, database: Database | None, design
         train.own.append(one)
         if one is not None:
             sent.append((vehicle.place(kind, declared.MESSAGE.name), one))
-    train.advice = read_advice(top, known, tick_ms)
-    if train.advice is not None:
-        place = top.section("advice").place(declared.ADVICE_MESSAGE.name, declared.MESSAGE.name)
-        sent.append((place, train.advice.output))
     check_shared_signals(stated)
     if database is not None and design is not None:
         mapped = _resolved(top, stated, database, design, train)
         check_jobs(mapped, sent, database)
     return train
-
-
-def _check_no_ahead(top: Section, table: Section) -> None:
-    """What lies ahead is reported with fusion alone. A mistake is collected."""
-    if AHEAD in table:
-        hint = f"leave the message out, or {top.section('fusion').line(positions_m=[TO_FILL_IN])}"
-        table.refuse("needs [fusion]: nothing would be told in it", AHEAD, hint)
 
 
 def _number(table: Section, numbers: set[int]) -> int | None:

@@ -1,5 +1,4 @@
-"""Every key of the configuration, by table. The parser reads by these; the JSON schema and the docs' tables are made
-from them."""
+"""Every key of the configuration, by table. The parser reads by these; the docs' tables are made from them."""
 
 import math
 from collections.abc import Mapping
@@ -12,7 +11,6 @@ from wrcd.config.keys import (
     Interval,
     Key,
     Number,
-    NumberList,
     RawValue,
     RawValues,
     Sign,
@@ -22,7 +20,7 @@ from wrcd.config.keys import (
     Whole,
 )
 from wrcd.core.configuration import MAX_AXLES
-from wrcd.core.vocabulary import CATEGORIES, CATEGORY_LIMITS, MESSAGES, Numeric, Words, snake
+from wrcd.core.vocabulary import MESSAGES, Numeric, Words, snake
 from wrcd.resources import DEFAULT_DESIGN
 
 # The names under which python-can opens a bus; a test compares them with its own list.
@@ -52,36 +50,21 @@ ENCODING = Choice(
     "encoding", "of the DBC; default: UTF-8 where the file is valid UTF-8, else cp1252", ("utf-8", "cp1252")
 )
 DESIGN = DesignFile("design", f"the design, a packaged one or a file; default: {DEFAULT_DESIGN}")
-MIN_SPEED = Number("min_speed_m_s", "below it there is no estimate", 0.1, 60.0, 3.0, reload=True)
+MIN_SPEED = Number("min_speed_m_s", "below it there is no estimate", 0.1, 60.0, 3.0)
 NOT_AVAILABLE_AFTER = Number(
     "not_available_after_ms",
     "an input silent for longer ends the estimate; not less than any time-out of a measurement",
     5.0,
     10_000.0,
     100.0,
-    reload=True,
 )
-CONSTANT_SPEED = Number(
-    "constant_speed_m_s", "the speed of a rig without a speed message", 0.0, Quantity.SPEED.limit, reload=True
-)
-TORQUE_IS_TOTAL = Flag("torque_is_total", "false: friction brakes act beside the torque on the bus", True, reload=True)
+CONSTANT_SPEED = Number("constant_speed_m_s", "the speed of a rig without a speed message", 0.0, Quantity.SPEED.limit)
+TORQUE_IS_TOTAL = Flag("torque_is_total", "false: friction brakes act beside the torque on the bus", True)
 NUMBER = Whole("number", "each once", 1, MAX_AXLES, needed=True)
-POSITIONS = NumberList(
-    "positions_m",
-    "where each axle stands along the train, in m, forward positive, in the order of the `[[axle]]` tables; with it, "
-    "a drop that a leading axle meets is told for those behind",
-    needed=True,
-)
-ONE_WAY = Flag(
-    "one_way",
-    "true: the train never runs in reverse, the foremost axle always leads; needed unless `vehicle.direction` is "
-    "mapped, which then decides",
-    False,
-)
 FOLDER = Text("folder", "where dumps go; default: systemd's `$STATE_DIRECTORY`, else none")
 SECONDS = Number("seconds", "how much is kept in memory; 0 is off", 0.0, 600.0, 60.0)
-MAX_FILES = Whole("max_files", "dumps in the folder", 1, 10_000, 20, reload=True)
-MAX_MB = Number("max_mb", "megabytes in the folder", 1.0, 1e6, 200.0, reload=True)
+MAX_FILES = Whole("max_files", "dumps in the folder", 1, 10_000, 20)
+MAX_MB = Number("max_mb", "megabytes in the folder", 1.0, 1e6, 200.0)
 
 # --- one input
 SIGNAL = SignalName("signal", "the signal that carries it", needed=True)
@@ -149,58 +132,29 @@ def field_keys(carried: Numeric | Words) -> tuple[Key, ...]:
 
 def output_keys(kind: str) -> tuple[Key, ...]:
     """The keys of one message that is sent."""
-    fields = (
-        Sub(snake(name), f"the signal that carries {name}", f"{kind}.{name}", "signal") for name in MESSAGES[kind]
-    )
+    fields = (Sub(snake(name), f"the signal that carries {name}") for name in MESSAGES[kind])
     return (MESSAGE, CYCLE, E2E, DATA_ID, *fields)
 
 
-def _input(key: str, what: str, table: str, *, several: bool = False, needed: bool = False) -> Sub:
-    return Sub(key, what, table, "signal", several=several, needed=needed)
-
-
-def _output(key: str, what: str, default: str | None = None) -> Sub:
-    return Sub(key, what, key, "message", default=default)
-
-
 VEHICLE: tuple[Key, ...] = (
-    _input("speed", "the speed; needed unless `limits.constant_speed_m_s` is given", "signed input"),
-    _input("direction", "the direction of travel; it turns the signs", "direction input"),
+    Sub("speed", "the speed; needed unless `limits.constant_speed_m_s` is given"),
+    Sub("direction", "the direction of travel; it turns the signs"),
     TORQUE_IS_TOTAL,
-    _output("status_message", "the message to send as WrcdStatus; default: that name, where the DBC has it"),
-    _output("rejects_message", "the same of WrcdRejects"),
-    _output("link_message", "the same of WrcdLink"),
+    Sub("status_message", "the message to send as WrcdStatus; default: that name, where the DBC has it"),
+    Sub("rejects_message", "the same of WrcdRejects"),
+    Sub("link_message", "the same of WrcdLink"),
 )
 AXLE: tuple[Key, ...] = (
     NUMBER,
-    _input("yaw_rate", "the gyro", "signed input", needed=True),
-    _input("lateral_acceleration", "the accelerometer at the axle box", "signed input", needed=True),
-    _input("torque", "the torque at the axle; several signals add up", "torque input", several=True, needed=True),
-    _input("brake_torque", "the friction brakes' torque; several signals add up", "torque input", several=True),
-    _input("axle_load", "the axle load", "plain input"),
-    _input("wheel_radius", "the wheel radius", "plain input"),
-    _output("adhesion", "the message to send, here of axle 1; it needs Validity and MuAvailable", "Adhesion_A1"),
-    _output("detail", "the message to send as AdhesionDetail; default: AdhesionDetail_A*a*, where the DBC has it"),
-    _output("inputs", "the same of InputHealth_A*a*"),
-    _output("ahead", "the message to send as AdhesionAhead; default: AdhesionAhead_A*a*; it needs `[fusion]`"),
-)
-ADVICE_MESSAGE = Sub(
-    "message",
-    "the message to send as AdhesionAdvice; it needs Validity and DecelerationLow",
-    "advice",
-    MESSAGE.name,
-    default="AdhesionAdvice",
-)
-# One for each category but the last, the best first.
-CATEGORY_KEYS = tuple(
-    Number(
-        f"{snake(name)}_from_m_s2",
-        f"{name} holds from this lower end of the deceleration on; below, {worse}",
-        0.01,
-        2.5,
-        limit,
-    )
-    for (name, limit), worse in zip(CATEGORY_LIMITS, CATEGORIES[1:], strict=True)
+    Sub("yaw_rate", "the gyro", needed=True),
+    Sub("lateral_acceleration", "the accelerometer at the axle box", needed=True),
+    Sub("torque", "the torque at the axle; several signals add up", several=True, needed=True),
+    Sub("brake_torque", "the friction brakes' torque; several signals add up", several=True),
+    Sub("axle_load", "the axle load"),
+    Sub("wheel_radius", "the wheel radius"),
+    Sub("adhesion", "the message to send, here of axle 1; it needs Validity and MuAvailable", default="Adhesion_A1"),
+    Sub("detail", "the message to send as AdhesionDetail; default: AdhesionDetail_A*a*, where the DBC has it"),
+    Sub("inputs", "the same of InputHealth_A*a*"),
 )
 # By the path of a table's keys; those of inputs and of fields that are sent are named by what they carry.
 TABLES: Mapping[str, tuple[Key, ...]] = {
@@ -210,13 +164,5 @@ TABLES: Mapping[str, tuple[Key, ...]] = {
     "vehicle": VEHICLE,
     "limits": (MIN_SPEED, NOT_AVAILABLE_AFTER, CONSTANT_SPEED),
     "axle": AXLE,
-    "fusion": (POSITIONS, ONE_WAY),
-    "advice": (ADVICE_MESSAGE, *CATEGORY_KEYS),
     "recorder": (FOLDER, SECONDS, MAX_FILES, MAX_MB),
-}
-INPUTS: Mapping[str, tuple[Key, ...]] = {
-    "plain input": PLAIN_INPUT,
-    "signed input": SIGNED_INPUT,
-    "torque input": TORQUE_INPUT,
-    "direction input": DIRECTION_INPUT,
 }

@@ -8,7 +8,6 @@ from wrcd.bus.units import Quantity
 from wrcd.config.raw_values import words
 from wrcd.core.configuration import Config, Input
 from wrcd.core.validity import LOAD_SHARES, RADIUS_SHARES
-from wrcd.core.vocabulary import CATEGORIES
 from wrcd.estimator.design import Design
 
 # what of a wheelset a person knows it by, as the rig names it
@@ -37,16 +36,11 @@ def describe(c: Config) -> list[str]:
         f"limits         not available after {c.not_available_after_us / 1000:g} ms and below {c.min_speed_m_s:g} m/s"
         + (f", constant speed {c.constant_speed_m_s:g} m/s" if c.constant_speed_m_s is not None else ""),
     ]
-    out += [] if c.positions_m is None else [f"fusion         {order(c)}"]
     for place, axle in enumerate(c.axles):
         out.append(f"axle {axle.number}")
         out += [line for i in c.inputs if place in i.source.axles for line in _input(c, i)]
-        for o in (axle.adhesion, axle.detail, axle.inputs, axle.ahead):
+        for o in (axle.adhesion, axle.detail, axle.inputs):
             out += [] if o is None else [f"  sends                  -> {_sent(c, o)}", *_names(c, o)]
-    if c.advice is not None:
-        limits = ", ".join(f"{n} {m_s2:g}" for n, m_s2 in zip(CATEGORIES, c.advice.limits_m_s2, strict=False))
-        out += [f"advice                   -> {_sent(c, c.advice.output)}", *_names(c, c.advice.output)]
-        out.append(f"  {'categories':22}    {limits} m/s², else {CATEGORIES[-1]}")
     for o in (c.status, c.rejects, c.link):
         out += [] if o is None else [f"status                   -> {_sent(c, o)}", *_names(c, o)]
     r = c.recorder
@@ -58,16 +52,6 @@ def describe(c: Config) -> list[str]:
     out += [f"warning        {warning}" for warning in c.warnings]
     out.append("ok")
     return out
-
-
-def order(c: Config) -> str:
-    """Which axle leads, and how far behind it the others run, of a train with fusion."""
-    assert c.positions_m is not None
-    stand = sorted(zip(c.positions_m, (a.number for a in c.axles), strict=True), reverse=True)
-    first_m, leader = stand[0]
-    behind = ", ".join(f"axle {number} {first_m - m:g} m behind" for m, number in stand[1:])
-    turns = any(i.source.quantity is Quantity.DIRECTION for i in c.inputs)
-    return f"axle {leader} leads{', ' * bool(behind)}{behind}; " + ("in reverse the last" if turns else "one way alone")
 
 
 def _input(c: Config, i: Input) -> list[str]:
@@ -137,7 +121,7 @@ def _sent(c: Config, o: Output) -> str:
 
 
 def made_for(d: Design) -> str:
-    """The design's wheelset by name and parameters: a foreign one gives no error, and `check --log` tells only some."""
+    """The design's wheelset by name and parameters: a foreign one gives no error."""
     known = [
         f"{what} {d.wheelset[key]:g} {unit}".rstrip()
         for key, what, unit in KNOWN_BY

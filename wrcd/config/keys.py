@@ -1,4 +1,4 @@
-"""What keys of the configuration are made of: one declaration each, for the parser, the JSON schema and the docs.
+"""What keys of the configuration are made of: one declaration each, for the parser and the docs.
 
 Plain classes: the daemon's start would wait for dataclasses of so many kinds to be made.
 """
@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from typing import Any, Generic, TypeAlias, TypeVar
 
 from wrcd.config.packaged_designs import design_path
-from wrcd.config.section import TO_FILL_IN, Section, shown, suggest
+from wrcd.config.section import Section, shown, suggest
 from wrcd.errors import InputError
 
 MESSAGE_SIGNAL = r"^[^.]+\.[^.]+$"
@@ -17,14 +17,12 @@ T = TypeVar("T")
 
 
 class KeyOf(Generic[T]):
-    """A key: its name, what it means, whether it must be there, and whether SIGHUP takes it over."""
+    """A key: its name, what it means, and whether it must be there."""
 
     takes = "text"  # what a value may be, in words
 
-    def __init__(
-        self, name: str, what: str, default: T | None = None, *, needed: bool = False, reload: bool = False
-    ) -> None:
-        self.name, self.what, self.default, self.needed, self.reload = name, what, default, needed, reload
+    def __init__(self, name: str, what: str, default: T | None = None, *, needed: bool = False) -> None:
+        self.name, self.what, self.default, self.needed = name, what, default, needed
 
     def read(self, section: Section) -> T | None:
         """The value; its default or None where it is missing, or wrong, which is a mistake. Raises InputError where a
@@ -117,9 +115,9 @@ class Number(KeyOf[float]):
 
     def __init__(
         self, name: str, what: str, low: float, high: float, default: float | None = None, *,
-        nonzero: bool = False, reload: bool = False,
+        nonzero: bool = False,
     ) -> None:  # fmt: skip
-        super().__init__(name, what, default, reload=reload)
+        super().__init__(name, what, default)
         self.low, self.high, self.nonzero = low, high, nonzero
         self.takes = f"{low:g} … {high:g}" if math.isfinite(high) else "number but 0" if nonzero else "number"
 
@@ -140,9 +138,9 @@ class Whole(KeyOf[int]):
 
     def __init__(
         self, name: str, what: str, low: int, high: int, default: int | None = None, *,
-        needed: bool = False, reload: bool = False,
+        needed: bool = False,
     ) -> None:  # fmt: skip
-        super().__init__(name, what, default, needed=needed, reload=reload)
+        super().__init__(name, what, default, needed=needed)
         self.low, self.high, self.takes = low, high, f"{low} … {high}"
 
     def read(self, section: Section) -> int | None:
@@ -193,24 +191,6 @@ class Interval(KeyOf[tuple[float, float]]):
         return self.refuse(section, f"takes two numbers, the lower one first, not {shown(value)}")
 
 
-class NumberList(KeyOf[tuple[float, ...]]):
-    """Finite numbers, one for each of several things."""
-
-    takes = "list of numbers"
-
-    def read(self, section: Section) -> tuple[float, ...] | None:
-        """The numbers. Raises InputError where they are needed and missing."""
-        if self.needed and self.name not in section:
-            raise section.absent(self.name, f"it takes a {self.takes}", [TO_FILL_IN])
-        value = section.raw(self.name)
-        if value is None:
-            return None
-        if isinstance(value, list) and all(_finite(x) for x in value):
-            return tuple(float(x) for x in value)
-        section.refuse(f"takes a {self.takes}, not {shown(value)}", self.name)
-        return None
-
-
 class RawValue(KeyOf[int | str]):
     """A raw value: a whole number, or a word of the signal's value table."""
 
@@ -240,17 +220,12 @@ class RawValues(KeyOf[tuple[int | str, ...]]):
 
 
 class Sub(KeyOf[str]):
-    """A table of its own, or text that stands for the one key `short` of it; several: or a list of them.
-
-    tables: its declaration, in declared.INPUTS or vocabulary.MESSAGES.
-    """
+    """A table of its own, or text that stands for the one key of it that is needed; several: or a list of them."""
 
     def __init__(
-        self, name: str, what: str, tables: str, short: str, *,
-        several: bool = False, needed: bool = False, default: str | None = None,
-    ) -> None:  # fmt: skip
+        self, name: str, what: str, *, several: bool = False, needed: bool = False, default: str | None = None
+    ) -> None:
         super().__init__(name, what, default, needed=needed)
-        self.tables, self.short, self.several = tables, short, several
         self.takes = "text, table or list of them" if several else "text or table"
 
 

@@ -12,39 +12,29 @@ from wrcd.config.section import TO_FILL_IN, Section, nearest, suggest
 from wrcd.config.statements import check_header, e2e_identity
 from wrcd.core.vocabulary import MESSAGES, Numeric, Words, snake
 
-NEEDS: Mapping[str, tuple[str, ...]] = {
-    "adhesion": ("Validity", "MuAvailable"),
-    "advice": ("Validity", "DecelerationLow"),
-}
-ADHESION_MS, DETAIL_MS, ADVICE_MS, STATUS_MS = 20, 100, 200, 1000  # cycles where nobody says one
-CYCLES_MS = {
-    "adhesion": ADHESION_MS, "detail": DETAIL_MS, "inputs": DETAIL_MS, "ahead": ADHESION_MS, "advice": ADVICE_MS,
-}  # fmt: skip
+NEEDS: Mapping[str, tuple[str, ...]] = {"adhesion": ("Validity", "MuAvailable")}
+ADHESION_MS, DETAIL_MS, STATUS_MS = 20, 100, 1000  # cycles where nobody says one
+CYCLES_MS = {"adhesion": ADHESION_MS, "detail": DETAIL_MS, "inputs": DETAIL_MS}
 STATUS_MESSAGES = ("WrcdStatus", "WrcdRejects", "WrcdLink")
 STATUS_KEYS = ("status_message", "rejects_message", "link_message")
 
 
-def usual_messages(number: int) -> tuple[str, str, str, str]:
-    """Names of what is sent for an axle unless the configuration names others: adhesion, detail, inputs and, with
-    fusion, what lies ahead."""
-    return f"Adhesion_A{number}", f"AdhesionDetail_A{number}", f"InputHealth_A{number}", f"AdhesionAhead_A{number}"
+def usual_messages(number: int) -> tuple[str, str, str]:
+    """Names of what is sent for an axle unless the configuration names others: adhesion, detail and inputs."""
+    return f"Adhesion_A{number}", f"AdhesionDetail_A{number}", f"InputHealth_A{number}"
 
 
-def output(
-    section: Section, kind: str, database: Database | None, usual: str, tick_ms: float, key: str = ""
-) -> Output | None:
+def output(section: Section, kind: str, database: Database | None, usual: str, tick_ms: float) -> Output | None:
     """A message to send: named, or the usual one. None: nobody needs it, or it has a mistake, which is collected.
-    key: under which the section names it, if not under its kind.
 
     Without a database only what the configuration says by itself is looked at.
     """
-    key = key or kind
-    table = section.table_or_text(key, declared.MESSAGE.name)
+    table = section.table_or_text(kind, declared.MESSAGE.name)
     needed = kind in NEEDS
     if table is None:
-        if key in section or database is None or not usual or not (needed or _has(database, usual)):
+        if kind in section or database is None or not usual or not (needed or _has(database, usual)):
             return None
-        table = section.usual(key, declared.MESSAGE.name, usual)
+        table = section.usual(kind, declared.MESSAGE.name, usual)
     with table.collected():
         return _output(table, kind, database, usual, tick_ms)
 
@@ -172,8 +162,6 @@ UNITS = {
     "%": {"%": 1.0, "percent": 1.0, "pct": 1.0, "1": 100.0},
     "ms": {"ms": 1.0, "s": 1000.0},
     "dB": {"db": 1.0},
-    "m": {"m": 1.0},
-    "m/s²": {"m/s²": 1.0, "m/s^2": 1.0, "m/s2": 1.0},
     "": {"": 1.0, "1": 1.0},
 }
 # A word of a value table that says that there is no value; letters and digits only.

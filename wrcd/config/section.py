@@ -26,8 +26,10 @@ class TomlSource:
         self.missing: dict[tuple[str | int, ...], InputError] = {}
 
     def line(self, path: tuple[str | int, ...]) -> int | None:
-        """The line of a key, or of the nearest table around it that has one."""
+        """The line of a key, or the first one of what stands below it, or of the nearest table around it."""
         while path and path not in self._lines:
+            if below := [line for key, line in self._lines.items() if key[: len(path)] == path]:
+                return min(below)
             path = path[:-1]
         return self._lines.get(path)
 
@@ -77,6 +79,11 @@ class Section:
         """An error at a key of this table, or at the table itself."""
         path = self._path if key is None or key == self._short else (*self._path, key)
         return InputError(reason, file=self.file, line=self._source.line(path), key=self._dotted(path), hint=hint)
+
+    def pop(self, key: str, reason: str, hint: str) -> InputError:
+        """Take a key out, as if the file did not have it; returns the error that it would be."""
+        del self._data[key]
+        return self.error(reason, key, hint)
 
     def line(self, **keys: object) -> str:
         """What to write for this table to have some keys, too, or not (None): the line, and where it stands."""
@@ -195,6 +202,17 @@ class Section:
             value = []
         for i, v in enumerate(value):
             yield Section(v, self._source, (*self._path, key, i), parent=self)
+
+    def tables_at(self, *path: str) -> Iterator["Section"]:
+        """The tables at a path of keys, one or several at each. What is no table is left to who asks for it."""
+        if not path:
+            yield self
+            return
+        found = self._data.get(path[0])
+        for place, value in enumerate(found if isinstance(found, list) else [found]):
+            if isinstance(value, dict):
+                at = (*self._path, path[0], *((place,) if isinstance(found, list) else ()))
+                yield from Section(value, self._source, at, parent=self).tables_at(*path[1:])
 
     def table_or_text(self, key: str, short: str) -> "Section | None":
         """A sub-table, or a text that stands for one whose key `short` has it. None where it is missing or neither."""

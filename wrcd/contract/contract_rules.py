@@ -18,7 +18,7 @@ PAGE = "docs/reference/what-a-controller-does.md"
 ORDER, TIMEOUT, E2E, VALIDITY = "In this order", "Time-out", "E2E", "Validity"
 VALUES, CONFIDENCE = "MuAvailable, MuUsed, SampleAge", "Confidence"
 SURFACE, CONTACT = "Surface", "ContactState"
-FIRST, AXLES, ADVICE = "The first rule", "One axle, or the train", "The train's advice"
+FIRST, AXLES = "The first rule", "One axle, or the train"
 # What foul frames say: one that is above what is used, then less and less, so that one that is used can be recognised.
 FOUL = (Says(60.0, "Within1pp"), Says(14.0, "Within1pp"), Says(11.0, "Within1pp"), Says(8.0, "Within1pp"))
 # Foul frames come so far apart: not more than five in a second, or a consumer may fall back before it is judged.
@@ -103,10 +103,9 @@ def round_trip(states: int) -> list[tuple[int, int]]:
 
 def _no_number(p: ContractPlayer, kind: str) -> None:
     values = [(words, raw) for of, words, raw in p.maker.no_numbers() if of == kind]
-    ours = p.maker.number_signal
-    p.need(bool(values), f"has no such value of {ours}")
+    p.need(bool(values), "has no such value of MuAvailable")
     for words, raw in values:
-        _falls_back_raw(p, ours, raw, f"Valid with {words}")
+        _falls_back_raw(p, "MuAvailable", raw, f"Valid with {words}")
 
 
 def _high_sample_age(p: ContractPlayer) -> None:
@@ -409,20 +408,4 @@ CHECKS = (
     Check("drop-is-followed-at-once", FIRST, _drop),  # whether the half-width is taken off is another rule
     Check("rise-is-followed-slowly", CONFIDENCE, _rise),  # so that a rise that is none does no harm
     Check("lower-end-below-zero-is-zero", CONFIDENCE, _below_zero, "Confidence"),  # a negative limit is none
-)
-# Of the train's advice: what holds of every message, and its category. It comes too seldom for six dropped frames in
-# a second, by which a consumer tells a sender that hangs. A rise is no danger to who chooses when to begin braking.
-OF_EVERY_MESSAGE = frozenset({
-    "valid-is-used", "degraded-falls-back", "not-available-falls-back", "unknown-validity-falls-back",
-    "every-transition-of-validity", "not-available-number-falls-back", "wrong-crc-is-dropped",
-    "crc-of-another-data-id-is-dropped", "nothing-but-wrong-crcs-falls-back", "wrong-length-is-dropped",
-    "remote-frame-is-dropped", "fd-frame-is-dropped", "id-of-the-other-kind-is-dropped", "other-id-is-dropped",
-    "repeated-counter-is-dropped", "frame-out-of-order-is-dropped", "stray-counter-is-dropped",
-    "counter-four-or-five-on-is-dropped", "new-sequence-is-accepted",
-    "lost-frames-are-no-fault", "counter-three-on-is-used", "late-frames-are-no-fault", "silence-falls-back",
-    "orderly-end-falls-back", "restart-falls-back-until-valid", "drop-is-followed-at-once",
-})  # fmt: skip
-ADVICE_CHECKS = (
-    *(check for check in CHECKS if check.name in OF_EVERY_MESSAGE),
-    Check("unknown-category-falls-back", ADVICE, lambda p: _unknown(p, "Category"), "Category"),
 )

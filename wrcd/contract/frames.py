@@ -1,5 +1,4 @@
-"""Adhesion frames of one axle, or the train's advice, as the daemon sends them by its configuration, and frames that it
-would never send."""
+"""Adhesion frames of one axle as the daemon sends them by its configuration, and frames that it would never send."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -10,11 +9,8 @@ from wrcd.bus.dbc import find_message, find_signal, shortest_timeout_us
 from wrcd.bus.e2e import protect
 from wrcd.bus.frame import Frame
 from wrcd.bus.positions import fit_raw, span
-from wrcd.bus.signals import Output
-from wrcd.bus.units import G
-from wrcd.core.advice import Advice, category
 from wrcd.core.causes import Cause, Validity
-from wrcd.core.configuration import AdviceConfig, AxleConfig, Config
+from wrcd.core.configuration import AxleConfig, Config
 from wrcd.core.messages import Report, surface
 from wrcd.core.vocabulary import CONFIDENCES
 
@@ -52,23 +48,19 @@ NOTHING = Says(None, "None", Validity.NOT_AVAILABLE, 255)
 class FrameMaker:
     """Makes frames of one axle."""
 
-    number_signal = "MuAvailable"
-
     def __init__(self, config: Config, axle: AxleConfig) -> None:
-        self._set_up(config, axle.adhesion, axle.number)
-        self.lacks |= {
-            name: f"has no {name}"
-            for name in ("SampleAge", "Confidence", "Surface", "ContactState")
-            if name not in axle.adhesion.signals
-        }
-
-    def _set_up(self, config: Config, output: Output, number: int) -> None:
+        output = axle.adhesion
         self._message = find_message(config.database, output.message)
         self._writer, self._data_id, self._sent = Writer(self._message, output), output.data_id, output.signals
         self._signals = {ours: find_signal(self._message, sent.name) for ours, sent in output.signals.items()}
-        self.number, self.name, self.cycle_us = number, self._message.name, output.cycle_us
+        self.number, self.name, self.cycle_us = axle.number, self._message.name, output.cycle_us
         self.timeout_us = shortest_timeout_us(self._message, self._signals.values(), output.cycle_us)
         self.lacks = {} if output.data_id is not None else {"E2E": "has no E2E: no base for a controller"}
+        self.lacks |= {
+            name: f"has no {name}"
+            for name in ("SampleAge", "Confidence", "Surface", "ContactState")
+            if name not in output.signals
+        }
 
     def frame(self, counter: int, says: Says = BASE) -> Frame:
         """Return the frame that the daemon would send."""
@@ -110,16 +102,15 @@ class FrameMaker:
         return named + [(f"the unknown value {raw}", raw) for raw in free]
 
     def no_numbers(self) -> Iterator[tuple[str, str, int]]:
-        """Yield raw values of the number that are none: kind (not-available, error, beyond), words, value."""
-        ours = self.number_signal
-        sent, signal = self._sent[ours], self._signals[ours]
+        """Yield raw values of MuAvailable that are none: kind (not-available, error, beyond), words, value."""
+        sent, signal = self._sent["MuAvailable"], self._signals["MuAvailable"]
         named = {int(raw): str(label) for raw, label in (signal.choices or {}).items()}
         absent = sent.not_available
         if absent is not None:
-            yield "not-available", f"{ours} {absent} (not available)", absent
+            yield "not-available", f"MuAvailable {absent} (not available)", absent
         for raw, label in named.items():
             if raw != absent:
-                yield "error", f"{ours} {raw} ({label})", raw
+                yield "error", f"MuAvailable {raw} ({label})", raw
         most = signal.maximum if sent.high is None else sent.high
         if most is None or float(most) / sent.factor < 100.0 - 1e-6:
             return
@@ -128,31 +119,3 @@ class FrameMaker:
         for raw in (first, (first + highest) // 2):
             if first <= raw < highest and raw not in named and raw != absent:
                 yield "beyond", f"MuAvailable {raw}, beyond 100 %", raw
-
-
-class AdviceMaker(FrameMaker):
-    """Makes frames of the train's advice, as whose axle counts 0. In percent of g: 20 % Within3pp is a deceleration of
-    1.96 m/s² whose lower end is 1.66 m/s²."""
-
-    number_signal = "DecelerationLow"
-
-    def __init__(self, config: Config, advice: AdviceConfig) -> None:
-        self._set_up(config, advice.output, 0)
-        self._limits_m_s2 = advice.limits_m_s2
-        if "Category" not in self._sent:
-            self.lacks["Category"] = "has no Category"
-
-    def frame(self, counter: int, says: Says = BASE) -> Frame:
-        """Return the frame that the daemon would send."""
-        advice = Advice(says.validity.value)
-        if says.mu_pct is not None:
-            width = HALF_WIDTHS.get(says.confidence, says.mu_pct / 2)
-            middle, low = (0.01 * G * max(pct, 0.0) for pct in (says.mu_pct, says.mu_pct - min(width, says.mu_pct)))
-            advice = Advice(says.validity.value, middle, low, 80.0, category(low, self._limits_m_s2), 0.0)
-        return self._writer.frame(0, counter, advice.values())
-
-    def lower_end(self, says: Says, whole: bool = False) -> float:
-        """Return DecelerationLow as a receiver reads it, in percent of g; whole: the same."""
-        values: Any = self._message.decode(self.frame(0, says).data, decode_choices=False)
-        sent = self._sent[self.number_signal]
-        return 100.0 * float(values[sent.name]) / sent.factor / G

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from wrcd.contract.consumers import Consumer, ObjectConsumer
     from wrcd.contract.contract_player import ContractPlayer
     from wrcd.contract.contract_rules import Check
-    from wrcd.core.configuration import AdviceConfig, Config
+    from wrcd.core.configuration import Config
 
 MAX_AGE_MS = 60  # as the page proposes
 
@@ -27,11 +27,6 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group.addoption("--wrcd-channel", metavar="NAME", default="vcan0", help="its channel (%(default)s)")
     group.addoption("--wrcd-config", metavar="TOML", type=Path, help="the daemon's configuration: names, DBC, cycle")
     group.addoption("--wrcd-axle", metavar="N", type=int, help="axle to play (the configuration's first)")
-    group.addoption(
-        "--wrcd-advice",
-        action="store_true",
-        help="play the train's AdhesionAdvice, whose axle is 0, not an axle's frames",
-    )
     group.addoption(
         "--wrcd-sample-age",
         metavar="MS",
@@ -48,10 +43,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     """A test that asks for wrcd_check is run for every rule."""
     if "wrcd_check" in metafunc.fixturenames:
-        from wrcd.contract.contract_rules import ADVICE_CHECKS, CHECKS
+        from wrcd.contract.contract_rules import CHECKS
 
-        checks = ADVICE_CHECKS if metafunc.config.getoption("--wrcd-advice") else CHECKS
-        metafunc.parametrize("wrcd_check", checks, ids=[c.name for c in checks])
+        metafunc.parametrize("wrcd_check", CHECKS, ids=[c.name for c in CHECKS])
 
 
 @pytest.fixture(scope="session")
@@ -95,16 +89,13 @@ def wrcd_bench(
 
     option = request.config.getoption
     axles = tuple(a.number for a in wrcd_config.axles)
-    played = [a.adhesion for a in wrcd_config.axles]
-    if option("--wrcd-advice"):
-        axles, played = (0,), [_advice(wrcd_config).output]
     bus = BusSettings(option("--wrcd-interface"), option("--wrcd-channel"), option("--wrcd-config"), axles)
     bench: Bench
     try:
         if isinstance(wrcd_consumer, ObjectConsumer):
             bench = VirtualBench(wrcd_consumer)
         else:
-            messages = [find_message(wrcd_config.database, output.message) for output in played]
+            messages = [find_message(wrcd_config.database, a.adhesion.message) for a in wrcd_config.axles]
             bench = BusBench(wrcd_consumer, bus, tuple(map(message_key, messages)))
     except (InputError, ConsumerError) as e:
         pytest.fail(str(e), pytrace=False)
@@ -116,12 +107,8 @@ def wrcd_bench(
 def wrcd_player(request: pytest.FixtureRequest, wrcd_bench: "Bench", wrcd_config: "Config") -> "ContractPlayer":
     """Plays frames of one axle to the consumer, for tests of one's own."""
     from wrcd.contract.contract_player import ContractPlayer
-    from wrcd.contract.frames import AdviceMaker, FrameMaker
+    from wrcd.contract.frames import FrameMaker
 
-    if request.config.getoption("--wrcd-advice"):
-        maker = AdviceMaker(wrcd_config, _advice(wrcd_config))
-        wrcd_bench.start()
-        return ContractPlayer(wrcd_bench, maker, request.config.getoption("--wrcd-sample-age"))
     number = request.config.getoption("--wrcd-axle")
     axles = list(wrcd_config.axles)
     axle = next((a for a in axles if number is None or a.number == number), None)
@@ -155,12 +142,6 @@ def wrcd_judge(wrcd_player: "ContractPlayer") -> "Callable[[Check], None]":
             pytest.fail(broken, pytrace=False)
 
     return judge
-
-
-def _advice(config: "Config") -> "AdviceConfig":
-    if config.advice is None:
-        pytest.fail("--wrcd-advice: the configuration sends none: give one with [advice] by --wrcd-config", False)
-    return config.advice
 
 
 def _named(text: str) -> "Callable[[], Any]":

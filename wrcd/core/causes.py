@@ -55,8 +55,9 @@ class Cause(IntEnum):
     CONTRADICTION = 22, "more adhesion is in use than the estimate with its interval allows"
     # Degraded: a tick within the window was not sound
     TORQUES_CONTRADICT = 23, "torques act against each other while the train brakes: one of them has the wrong sign"
-    # Reserved: sent by wrcd up to 0.4. Its place has a finding of `wrcd check --log` now
-    WHEELSET_UNLIKE = 24, "reserved, not sent: the wheelset is judged by wrcd check --log"
+    # Reserved: sent by wrcd up to 0.4
+    WHEELSET_UNLIKE = 24, "reserved, not sent"
+    # 31 had a meaning in earlier versions: it is not used again
 
     @property
     def label(self) -> str:

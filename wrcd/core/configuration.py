@@ -19,15 +19,6 @@ class AxleConfig:
     adhesion: Output
     detail: Output | None
     inputs: Output | None
-    ahead: Output | None = None  # with fusion alone
-
-
-@dataclass(frozen=True, slots=True)
-class AdviceConfig:
-    """The train's advice: its message, and from which deceleration (m/s²) each category but the last holds, falling."""
-
-    output: Output
-    limits_m_s2: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +67,4 @@ class Config:
     constant_speed_m_s: float | None
     torque_is_total: bool
     recorder: RecorderConfig
-    positions_m: tuple[float, ...] | None = None  # of the axles along the train, forward positive; None: no fusion
-    advice: AdviceConfig | None = None
     warnings: tuple[str, ...] = ()  # what is odd, but bearable

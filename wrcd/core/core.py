@@ -22,14 +22,10 @@ from wrcd.bus.batch import FrameBatch
 from wrcd.bus.codec import Receiver, Sample, Value
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
-from wrcd.core.advice import NO_ADVICE, Adviser
-from wrcd.core.ahead import Ahead
 from wrcd.core.causes import Cause
 from wrcd.core.configuration import Config
 from wrcd.core.counts import Counts, Health
-from wrcd.core.details import Details
 from wrcd.core.events import Events
-from wrcd.core.front import Front
 from wrcd.core.input_buffers import NEVER
 from wrcd.core.inputs import YAW, Inputs, TickInputs
 from wrcd.core.lane import DUE, NOTE, FastLane, fits
@@ -80,9 +76,6 @@ class Core:
     _outlier_us: list[int]
     _backoff: Backoff
     events: Events
-    _front: Front | None
-    _ahead: Ahead | None
-    _adviser: Adviser | None
     _stamp_us: int = NEVER  # newest stamp taken
 
     def __init__(self, config: Config, estimator: Engine | None = None, observer: Observer | None = None) -> None:
@@ -108,10 +101,6 @@ class Core:
         # slot by slot, since they were taken last; None: nobody takes them
         self._slot_reports: list[SlotReports] | None = None
         self.events = Events(config)
-        positions_m = config.positions_m  # of a train without fusion None
-        self._front = None if positions_m is None else Front(positions_m, config.design.tick_s)
-        self._ahead = None if positions_m is None else Ahead([a.number for a in config.axles])
-        self._adviser = None if config.advice is None else Adviser(n, config.advice)
         self.explains = True  # what feed_batch() makes comes with its estimate, as what feed() makes
         self.muted = False  # make no frames: nobody would send them
         self._lane = self._make_lane()
@@ -182,15 +171,6 @@ class Core:
         """How often an axle that was reset again and again had to wait."""
         return self._backoff.waits
 
-    def reconfigure(self, config: Config) -> None:
-        """Go on with other limits from the next tick on; everything else in config must be as it was."""
-        self.settle()
-        self.config = config
-        self._inputs.apply_limits(config)
-        self.events.describe = Details(config)
-        if self._lane is not None:
-            self._lane.apply_limits()
-
     def settle(self) -> None:
         """Take back what the fast lane has borrowed: before anything else reads or changes the core's state."""
         if self._lane is not None:
@@ -232,8 +212,6 @@ class Core:
         out: list[Outgoing] = []
         if due and not self.muted:
             out = self._due((number + 1) * self._period_us, due)
-        elif due and self._front is not None:
-            self._front.forget_news()
         if lane.is_lent:
             lane.was_told()
         return out
@@ -317,16 +295,12 @@ class Core:
         self._inputs.reset()
         self.receiver.reset()
         self._backoff.reset()
-        if self._front is not None:
-            self._front.clear()
         for axle in range(self._n):
             self._reset_axle(axle, Cause.WARMING_UP)
 
     def _reset_axle(self, axle: int, why: Cause) -> None:
         if not self._is_reset[axle]:
             self.estimator.reset(axle)
-            if self._front is not None:
-                self._front.reset(axle, lost=why in (Cause.RESTARTED, Cause.INPUT_SILENT))
             if self._observer is not None:
                 self._observer.was_reset(axle)
         self._is_reset[axle] = True
@@ -341,8 +315,6 @@ class Core:
             self._open += 1
             if due and not self.muted:
                 out += self._due(self._open * self._period_us, due)
-            elif due and self._front is not None:
-                self._front.forget_news()  # what is met while nothing is reported is no news later
         self._begin_us = self._open * self._period_us
         self._end_us = self._begin_us + self._period_us
         return out
@@ -354,8 +326,6 @@ class Core:
         if self._stamp_us != NEVER and end_us - self._stamp_us > SILENCE_US:
             self._reset_all()
         tick = self._tick = self._inputs.close_tick(end_us)
-        if self._front is not None:
-            self._front.move(tick, self._inputs.reverse)
         causes = tick_causes(self._inputs, tick, end_us)
         if causes != self.events.tick_causes:
             self.events.tick(causes, self._inputs, tick, end_us)
@@ -380,8 +350,6 @@ class Core:
         there = np.ones(z.shape, dtype=bool) if inputs.present is None else np.reshape(inputs.present, z.shape)
         tick = Tick(number, z, there & running, ratio, abs(inputs.speed_m_s))
         result = self.estimator.step(tick)
-        if self._front is not None:
-            self._front.step(tick, result)
         if self._observer is not None:
             self._observer.stepped(tick, result)
         if result.notable:
@@ -426,51 +394,37 @@ class Core:
         estimate = slot.estimate
         if estimate is not None and self._observer is not None:
             self._observer.estimated(end_us // self._period_us - 1, estimate)
-        if slot.adhesion or slot.detail or slot.advice or slot.view is not None:
+        if slot.adhesion or slot.detail:
             self._reports = reports(slot, self.events.confidences)
             if self._slot_reports is not None:
                 self._slot_reports.append(SlotReports(self._reports, slot.adhesion, slot.below_min_speed))
             self.events.slot(end_us, self._reports, slot.details, estimate)
-        rail_ahead = None
-        if self._ahead is not None and slot.view is not None:
-            rail_ahead = self._ahead.update(end_us, slot.view, self._reports, estimate)
-        advice = None
-        if self._adviser is not None and slot.advice:
-            speed_m_s, below = slot.speed_m_s, slot.below_min_speed
-            advice = self._adviser.update(end_us, speed_m_s, below, self._reports, estimate, rail_ahead)
-        return frames(slot, self._reports, self._outbox, rail_ahead, advice)
+        return frames(slot, self._reports, self._outbox)
 
     def _slot(self, end_us: int, due: Dues) -> Slot:
         """Take down what the frames of a slot are made from."""
         axles, inputs, tick = range(self._n), self._inputs, self._tick
         outbox = self._outbox
-        adhesion, detail, advice = outbox.adhesion_due(due), outbox.detail_due(due), outbox.advice_due(due)
-        front = self._front if detail or advice or outbox.ahead_due(due) else None
-        reports_due = bool(adhesion) or detail or advice or front is not None
+        adhesion, detail = outbox.adhesion_due(due), outbox.detail_due(due)
+        reports_due = bool(adhesion) or detail
         known = reports_due and True in self._validity.window_full
         pairs = self.estimator.health.state.tolist() if reports_due else []
         standing = [self._validity.standing(axle, pair) for axle, pair in enumerate(pairs)]
-        view = None if front is None else front.view()
-        if front is not None:
-            front.forget_news()
         return Slot(
             end_us=end_us,
             estimate=self.estimator.estimate() if known else None,
             due=due,
             adhesion=adhesion,
             detail=detail,
-            advice=advice,
             standing=standing,
             details=self.events.standing(standing, inputs, self._validity, self.estimator.health, end_us)
             if reports_due
             else {},
-            speed_m_s=inputs.speed_m_s,
             below_min_speed=self.below_min_speed,
             age_ms=[inputs.age_ms(axle, end_us) for axle in axles] if reports_due else (),
             torque_ratio=tick.torque_ratio,
             stale=[inputs.quantities(tick.stale, axle) for axle in axles] if detail else (),
             inputs=[self._input_values(axle, end_us) for axle in axles] if detail else (),
-            view=view,
             status=list(outbox.status(end_us, due, self.counts, self.health, self.estimator.outliers)),
         )
 
@@ -488,4 +442,4 @@ class Core:
     def shutdown_frames(self, now_us: int) -> list[Frame]:
         """The last frames: every axle NotAvailable, the daemon stopping."""
         self.health.state = "Stopping"
-        return list(self._outbox.shutdown_frames(now_us, self.counts, self.health, NO_ADVICE.values()))
+        return list(self._outbox.shutdown_frames(now_us, self.counts, self.health))

@@ -132,10 +132,9 @@ class Inputs:
         self._traction_us = [NEVER] * n
         self._shares_known = self._shares_ok = False
         self._speeds = float(design.speeds_m_s[0]), float(design.speeds_m_s[-1])
-        self.apply_limits(config)
+        self._set_limits(config)
 
-    def apply_limits(self, config: Config) -> None:
-        """Other limits from the next tick on."""
+    def _set_limits(self, config: Config) -> None:
         # slow inputs (load, radius, direction) may take their own time-out; the measurements may not
         after = config.not_available_after_us
         self._unavailable_after_us = [
@@ -143,7 +142,6 @@ class Inputs:
             for place, timeout in enumerate(self._timeout_us)
         ]
         self._torque_is_total = config.torque_is_total
-        self._shares_known = False
         brakes = set(range(BRAKE * self._axles, (BRAKE + 1) * self._axles))
         mapped = set(self._mapped)
         self._torque_sign_counts = (
@@ -278,11 +276,6 @@ class Inputs:
     @speed_m_s.setter
     def speed_m_s(self, speed_m_s: float) -> None:
         self._value[self._speed_place] = speed_m_s
-
-    @property
-    def reverse(self) -> bool:
-        """Whether an axle runs backwards."""
-        return self._reverse
 
     def age_ms(self, axle: int, end_us: int) -> int:
         """Age of the oldest of gyro, acceleration, torque (the friction brakes' is part of it) and speed, up to 255."""

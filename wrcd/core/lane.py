@@ -20,13 +20,11 @@ from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import Config
 from wrcd.core.counts import Counts
 from wrcd.core.events import Events
-from wrcd.core.front import Front
 from wrcd.core.input_buffers import NEVER
 from wrcd.core.inputs import LAT, QUANTITIES, SPEED, TORQUE, TRACTION_HELD_US, Inputs, TickInputs
 from wrcd.core.lane_records import (
     FIELD,
     FRAME_RECORD,
-    FRONT,
     LANE,
     MAX_CYCLES,
     MAX_WORDS,
@@ -80,7 +78,6 @@ class Lender(Protocol):
     _outlier_us: list[int]
     _backoff: Backoff
     _outbox: Outbox
-    _front: Front | None
 
     def take_told(self) -> None:
         """Take what slots have told in the lane."""
@@ -100,7 +97,7 @@ def fits(core: Lender) -> bool:
 class _Tables(ctypes.Structure):
     """wrcd_lane_tables."""
 
-    _fields_ = [("tables", ctypes.c_void_p * 11), ("max_made", ctypes.c_int64), ("max_slots", ctypes.c_int64)]
+    _fields_ = [("tables", ctypes.c_void_p * 10), ("max_made", ctypes.c_int64), ("max_slots", ctypes.c_int64)]
 
 
 class FastLane:
@@ -128,27 +125,25 @@ class FastLane:
             self._describe(m, key, reader, places, oks)
         self._places, self._oks = np.array([*places, 0], dtype=np.int32), np.array([*oks, 0], dtype=np.uint64)
         self._crc_table = np.frombuffer(CRC_TABLE, dtype=np.uint8)
-        self._sent, self._fields, self._quiet = _sent_by(core._outbox, fusing=core._front is not None)
+        self._sent, self._fields, self._quiet = _sent_by(core._outbox)
         self._cycles = {int(s["word"]): int(s["cycle_us"]) for s in self._sent}
         self._adhesions = sum(w is not None for w in core._outbox.of_axles["adhesion"])
         self._made = np.zeros(_MAX_SLOTS * max(1, len(self._sent)), dtype=FRAME_RECORD)
         self._slots = np.zeros(_MAX_SLOTS, dtype=SLOT)
-        self._front = np.zeros(1, dtype=FRONT)
-        sizes = [core.estimator.library.wrcd_lane_bytes(of) for of in range(9)]
-        ours = FRAME_RECORD, MESSAGE, SIGNAL, PLACE, LANE, SENT, FIELD, SLOT, FRONT
+        sizes = [core.estimator.library.wrcd_lane_bytes(of) for of in range(8)]
+        ours = FRAME_RECORD, MESSAGE, SIGNAL, PLACE, LANE, SENT, FIELD, SLOT
         assert sizes == [x.itemsize for x in ours], f"{sizes} are not {[x.itemsize for x in ours]}"
         tables = (
             self._message, self._signal, self._place, self._places, self._oks, self._crc_table, self._sent,
             self._fields, self._made, self._slots,
         )  # fmt: skip
-        front = None if core._front is None else self._front.ctypes.data
-        self._tables = _Tables((*(t.ctypes.data for t in tables), front), len(self._made), len(self._slots))
+        self._tables = _Tables(tuple(t.ctypes.data for t in tables), len(self._made), len(self._slots))
         lane = ctypes.c_void_p(self._lane.ctypes.data)
         self._arguments = lane, ctypes.byref(self._tables), *core.estimator.arguments
         self._taken = ctypes.c_int64(0)
         self._taken_at = ctypes.byref(self._taken)
         self._describe_words()
-        self.apply_limits()
+        self._describe_limits()
 
     def _describe(self, m: Any, key: int, reader: MessageReader, places: list[int], oks: list[int]) -> None:
         inputs, checker = self._inputs, reader.checker
@@ -194,8 +189,7 @@ class FastLane:
         k["contradiction"], k["too_little_data"] = Cause.CONTRADICTION, Cause.TOO_LITTLE_DATA
         k["inputs_cycle_us"][: self._n] = [outbox.inputs_cycle_us(axle) for axle in range(self._n)]
 
-    def apply_limits(self) -> None:
-        """The limits of the configuration as it is now."""
+    def _describe_limits(self) -> None:
         core, inputs, k, design = self._core, self._inputs, self._k, self._core.config.design
         k["period_us"], k["axles"], k["messages"] = core._period_us, self._n, len(self._message)
         k["silence_us"], k["forward_us"], k["backward_us"] = self._limits_us
@@ -229,7 +223,6 @@ class FastLane:
             or inputs._speed_jumped or not inputs.all_trusted
             or any(core._backoff.waiting(axle, core._open) for axle in range(self._n))
             or any(check.run >= MIN_RUN for check in inputs._stuck_checks.values())
-            or (core._front is not None and not core._front.goes_on(inputs._reverse))
         )  # fmt: skip
 
     def take(self, batch: FrameBatch, first: int) -> tuple[int, int]:
@@ -271,8 +264,6 @@ class FastLane:
         for m, reader in zip(self._message, self._readers, strict=True):
             if (checker := reader.checker) is not None:
                 m["is_suspicious"], m["last"] = checker.is_suspicious, -1 if checker._last is None else checker._last
-        if core._front is not None:
-            core._front.lend(self._front[0])
         self.was_told()
 
     def was_told(self) -> None:
@@ -283,8 +274,6 @@ class FastLane:
         k["cause"][: self._n], k["standing"][: self._n] = events.causes, events.standing_causes
         quiet = events.all_estimated and not (self._core.explains or self._core.muted)
         k["quiet"] = self._quiet if quiet else 0
-        if self._core._front is not None:
-            self._core._front.lend_news(self._front[0])
 
     def tells_nothing(self) -> None:
         """Leave every slot to Python, until one has been told there."""
@@ -362,8 +351,6 @@ class FastLane:
         inputs._jitter_buffer.used_us = p["used_us"][: (LAT + 1) * n].tolist()
         core._tick = TickInputs(inputs.speed_m_s, False, [], None, k["torque_ratio"][:n].tolist(), (), ())
         inputs.reach._register, inputs.reach._until_us = p["reach"].tolist(), p["reach_until_us"].tolist()
-        if core._front is not None:
-            core._front.take_back(self._front[0])
 
     def give_back(self) -> None:
         """Let Python go on from here."""
@@ -410,9 +397,9 @@ def _report(told: list[float]) -> Report:
     )  # fmt: skip
 
 
-def _sent_by(outbox: Outbox, fusing: bool) -> tuple[Any, Any, int]:
+def _sent_by(outbox: Outbox) -> tuple[Any, Any, int]:
     """What is sent of the axles: messages, their fields, and a bit for each cycle at which nothing else is due. No
-    messages and no cycles where any is not plain. fusing: what lies ahead is looked at with each that explains."""
+    messages and no cycles where any is not plain."""
     groups = outbox.of_axles
     written = [(group, axle, w) for group, of in groups.items() for axle, w in enumerate(of) if w is not None]
     fields_of = [f for _, _, w in written for f in w.writers.values()]
@@ -435,8 +422,6 @@ def _sent_by(outbox: Outbox, fusing: bool) -> tuple[Any, Any, int]:
             _describe_field(f, group, name, signal)
         first += len(w.writers)
     others = {w.cycle_us for w in outbox.others}
-    if fusing:
-        others |= {w.cycle_us for group, _, w in written if group != "adhesion"}
     quiet = sum(1 << k for k, cycle_us in enumerate(outbox.cycles_us) if cycle_us not in others)
     return sent, fields, quiet
 

@@ -4,7 +4,6 @@ import numpy as np
 
 from wrcd.core.vocabulary import MESSAGES
 from wrcd.estimator.records import EstimateDoubt
-from wrcd.estimator.signals.drops import LENGTH, SUMMED
 from wrcd.estimator.trust.health import PairState
 
 MAX_CYCLES, MAX_AXLES, MAX_WORDS = 8, 8, 32
@@ -58,12 +57,6 @@ FIELD = np.dtype(
     ], align=True,
 )  # fmt: skip
 SLOT = np.dtype([*_fields(_I8, "end_us"), *_fields(_F8, "told", MAX_AXLES, REPORTED)], align=True)
-FRONT = np.dtype(
-    [
-        *_fields(_F8, "block", MAX_AXLES, LENGTH, SUMMED), *_fields(_F8, "pause jolt steady met_m", MAX_AXLES),
-        *_fields(_F8, "way_m speed_m_s"), *_fields(_I8, "newest"), *_fields(_I8, "behind", MAX_AXLES),
-    ], align=True,
-)  # fmt: skip
 LANE = np.dtype(
     [
         *_fields(_I8, "open begin_us end_us stamp_us ticks accepted out_frames out_slots"),

@@ -165,23 +165,21 @@ class Outbox:
         self._adhesion = [writer(a.adhesion) for a in config.axles]
         self._detail = [writer(a.detail) for a in config.axles]
         self._inputs = [writer(a.inputs) for a in config.axles]
-        self._ahead = [writer(a.ahead) for a in config.axles]
         self._status, self._rejects, self._link = map(writer, (config.status, config.rejects, config.link))
-        self._advice = None if config.advice is None else writer(config.advice.output)
-        own = (self._status, self._rejects, self._link, self._advice)
-        every = (*self._adhesion, *self._detail, *self._inputs, *self._ahead, *own)
+        own = (self._status, self._rejects, self._link)
+        every = (*self._adhesion, *self._detail, *self._inputs, *own)
         self.cycles_us = tuple(sorted({w.cycle_us for w in every if w}))
         self._rejected_before = Counter()
 
     @property
     def of_axles(self) -> Mapping[str, Sequence[Writer | None]]:
-        """What is sent of each axle, by its key in the vocabulary, in a slot's order; without what lies ahead."""
+        """What is sent of each axle, by its key in the vocabulary, in a slot's order."""
         return {"adhesion": self._adhesion, "detail": self._detail, "inputs": self._inputs}
 
     @property
     def others(self) -> Sequence[Writer]:
         """All else that is sent."""
-        return [w for w in (*self._ahead, self._status, self._rejects, self._link, self._advice) if w]
+        return [w for w in (self._status, self._rejects, self._link) if w]
 
     def adhesion_due(self, due: Sequence[int]) -> tuple[int, ...]:
         """The axles (places) whose adhesion is due with these cycles."""
@@ -190,14 +188,6 @@ class Outbox:
     def detail_due(self, due: Sequence[int]) -> bool:
         """Whether any frame is that explains it."""
         return any(w and w.cycle_us in due for w in (*self._detail, *self._inputs))
-
-    def ahead_due(self, due: Sequence[int]) -> bool:
-        """Whether any frame is that tells what lies ahead."""
-        return any(w and w.cycle_us in due for w in self._ahead)
-
-    def advice_due(self, due: Sequence[int]) -> bool:
-        """Whether the train's advice is."""
-        return self._advice is not None and self._advice.cycle_us in due
 
     def inputs_cycle_us(self, axle: int) -> int:
         """How often it is reported what came of an axle's inputs; 0: never."""
@@ -224,14 +214,6 @@ class Outbox:
         yield from _frames(self._detail, end_us, due, explained)
         yield from _frames(self._inputs, end_us, due, inputs)
 
-    def ahead(self, end_us: int, due: Sequence[int], values: Sequence[Mapping[str, Value]]) -> Iterator[Outgoing]:
-        """What lies ahead of each axle."""
-        yield from _frames(self._ahead, end_us, due, values)
-
-    def advice(self, end_us: int, due: Sequence[int], values: Mapping[str, Value]) -> Iterator[Outgoing]:
-        """The train's deceleration."""
-        yield from _frames((self._advice,), end_us, due, (values,))
-
     def status(
         self, end_us: int, due: Sequence[int], counts: Counts, health: Health, outliers: int
     ) -> Iterator[Outgoing]:
@@ -247,13 +229,11 @@ class Outbox:
         if self._link and self._link.cycle_us in due:
             yield from _frames((self._link,), end_us, due, (link_values(health.link, counts, outliers),))
 
-    def shutdown_frames(
-        self, now_us: int, counts: Counts, health: Health, no_advice: Mapping[str, Value]
-    ) -> Iterator[Frame]:
-        """The last frames: every axle and the advice NotAvailable, the daemon stopping."""
+    def shutdown_frames(self, now_us: int, counts: Counts, health: Health) -> Iterator[Frame]:
+        """The last frames: every axle NotAvailable, the daemon stopping."""
         status = health_values(health, counts, self._config.design.checksum, self._engine)
         last = [(w, NOT_AVAILABLE_REPORT.values()) for w in self._adhesion]
-        for writer, values in (*last, (self._advice, no_advice), (self._status, status)):
+        for writer, values in (*last, (self._status, status)):
             if writer:
                 # the present slot's frames have gone out: the next counter, or a receiver takes these for repeats
                 yield writer.frame(now_us, now_us // writer.cycle_us + 1, values)

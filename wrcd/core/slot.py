@@ -5,10 +5,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from wrcd.bus.codec import Value
-from wrcd.core.advice import Advice
-from wrcd.core.ahead import RailAhead
 from wrcd.core.causes import Cause, Validity
-from wrcd.core.front import View
 from wrcd.core.messages import (
     Outbox,
     Outgoing,
@@ -20,7 +17,6 @@ from wrcd.core.messages import (
     surface,
 )
 from wrcd.core.validity import Standing, verdict
-from wrcd.core.vocabulary import DROP_AHEAD
 from wrcd.estimator.records import Estimate, EstimateDoubt
 
 
@@ -33,16 +29,13 @@ class Slot:
     due: Sequence[int]  # cycles of the frames that are due
     adhesion: Sequence[int]  # axles (places) whose adhesion is due
     detail: bool  # whether a frame that explains it is
-    advice: bool  # whether the train's advice is
     standing: Sequence[Standing]
     details: Mapping[int, str]  # of the axles (places) whose standing has changed: how it is, in figures
-    speed_m_s: float  # of the train; NaN before it is known, negative backwards
     below_min_speed: bool
     age_ms: Sequence[int]
     torque_ratio: Sequence[float]
     stale: Sequence[set[int]]  # quantities
     inputs: Sequence[Mapping[str, Value]]  # values of the frames about the inputs, where they are due
-    view: View | None  # of the train's way, with fusion and where it is reported
     status: Sequence[Outgoing]
 
 
@@ -59,14 +52,8 @@ def reports(slot: Slot, before: Sequence[str]) -> list[Report]:
     return [_report(slot, axle, level) for axle, level in enumerate(before)]
 
 
-def frames(
-    slot: Slot,
-    reported: Sequence[Report],
-    outbox: Outbox,
-    rail_ahead: Sequence[RailAhead] | None,
-    advice: Advice | None,
-) -> list[Outgoing]:
-    """The frames of the slot; rail_ahead: of each axle, with fusion; advice: of the train, where it is due."""
+def frames(slot: Slot, reported: Sequence[Report], outbox: Outbox) -> list[Outgoing]:
+    """The frames of the slot."""
     estimate = slot.estimate
     out: list[Outgoing] = []
     if slot.adhesion:
@@ -76,25 +63,11 @@ def frames(
         out += outbox.detail(
             slot.end_us,
             slot.due,
-            [
-                explanation(e, axle, slot.stale[axle], _cause(reported, rail_ahead, axle))
-                for axle, e in enumerate(known)
-            ],
+            [explanation(e, axle, slot.stale[axle], reported[axle].cause.label) for axle, e in enumerate(known)],
             [{"Plausibility": plausibility(e, axle), **slot.inputs[axle]} for axle, e in enumerate(known)],
         )
-    if rail_ahead is not None:
-        out += outbox.ahead(slot.end_us, slot.due, [t.values() for t in rail_ahead])
-    if advice is not None:
-        out += outbox.advice(slot.end_us, slot.due, advice.values())
     out += slot.status
     return out
-
-
-def _cause(reported: Sequence[Report], rail_ahead: Sequence[RailAhead] | None, axle: int) -> str:
-    """Of not being Valid; of a Valid axle, that a drop lies ahead."""
-    report = reported[axle]
-    warns = rail_ahead is not None and rail_ahead[axle].warns and report.validity is Validity.VALID
-    return DROP_AHEAD if warns and report.cause is Cause.NONE else report.cause.label
 
 
 def _report(slot: Slot, axle: int, before: str) -> Report:

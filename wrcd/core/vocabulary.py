@@ -18,10 +18,6 @@ CONFIDENCES = (
     (1.0, "Within1pp"), (2.0, "Within2pp"), (3.0, "Within3pp"), (5.0, "Within5pp"), (8.0, "Within8pp"),
     (12.0, "Within12pp"), (float("inf"), "Wider"),
 )  # fmt: skip
-# Lower end of the train's deceleration (m/s²) from which a category of adhesion of automatic train operation holds: our
-# choice, which the configuration changes. Below the last it is the one that has no limit.
-CATEGORY_LIMITS = (("Dry", 1.5), ("DryMedium", 1.0), ("DryLow", 0.7), ("Low", 0.4))
-CATEGORIES = (*(name for name, _ in CATEGORY_LIMITS), "VeryLow")
 
 
 class Numeric(NamedTuple):
@@ -58,24 +54,20 @@ def _count(modulo: int) -> Numeric:
 
 
 VALID, DEGRADED, NOT_AVAILABLE = Validity.VALID.value, Validity.DEGRADED.value, Validity.NOT_AVAILABLE.value
-DROP_AHEAD = "DropAhead"  # of a Valid axle: it goes towards less adhesion than it has
 _CLASSES = tuple(name for _, name in SURFACES)
 _LEVELS = tuple(name for _, name in CONFIDENCES)
-_WARNINGS = (NOT_AVAILABLE, "Ahead", "Entering", "OnIt")
 _REASONS = ("None", *(r.label for r in Reason))
 _INPUTS = ("YawRate", "LatAccel", "Torque", "Speed")
 _PERCENT = Numeric(0, 50, 1.0, "%", absent=True, limits=(0, 100))
 _LEVEL = Numeric(-40, 20, 1.0, "dB", absent=True, limits=(-70, 30))
-_DECELERATION = Numeric(0, 2.5, 0.05, "m/s²", absent=True, limits=(0, 2.5))
-_VALIDITY = Words(
-    (NOT_AVAILABLE, VALID, DEGRADED), ("Error",), ((VALID, DEGRADED), (VALID, NOT_AVAILABLE), (VALID, "Error"))
-)
 _BIT, _BITS = Numeric(0, 1, exact=True), Numeric(0, 255, exact=True)
 
 # By the configuration's key of the message. Adhesion beyond 50 % is sent as the most that the field can say.
 MESSAGES: Mapping[str, Mapping[str, Numeric | Words]] = {
     "adhesion": {
-        "Validity": _VALIDITY,
+        "Validity": Words(
+            (NOT_AVAILABLE, VALID, DEGRADED), ("Error",), ((VALID, DEGRADED), (VALID, NOT_AVAILABLE), (VALID, "Error"))
+        ),
         "MuAvailable": Numeric(0, 50, 1.0, "%", absent=True, round_down=True, limits=(0, 100)),
         "MuUsed": _PERCENT,
         "SampleAge": Numeric(0, 255, 10.0, "ms", limits=(0, 255)),
@@ -90,8 +82,7 @@ MESSAGES: Mapping[str, Mapping[str, Numeric | Words]] = {
         **{f"Stale{name}": _BIT for name in _INPUTS},
         "DominantRule": Numeric(0, 254, exact=True, absent=True, limits=(0, 254)),
         **{f"Residual{m}": _LEVEL for m in range(1, 5)},
-        # the extra word is none of not being Valid: a field without it says None in its place
-        "Cause": Words(tuple(c.label for c in Cause), (DROP_AHEAD,)),
+        "Cause": Words(tuple(c.label for c in Cause)),
     },
     "inputs": {
         "Plausibility": Words(("Unknown", "Consistent", "Saturated", "Contradiction")),
@@ -99,25 +90,6 @@ MESSAGES: Mapping[str, Mapping[str, Numeric | Words]] = {
         "Unchanged": _BIT,
         **{f"Reach{name}": _BITS for name in _INPUTS},
         **{f"Refused{name}": Words(_REASONS) for name in _INPUTS},
-    },
-    "ahead": {
-        "State": Words(
-            (NOT_AVAILABLE, "NothingSeen", "Ahead", "Entering", "OnIt"), (), _nothing("NothingSeen", _WARNINGS)
-        ),
-        "Evidence": Words(("None", "Suspected", "Confirmed"), (), (("Confirmed", "Suspected"),)),
-        "SeenBy": Numeric(0, 8, exact=True),
-        "MuAhead": Numeric(0, 50, 1.0, "%", absent=True, round_down=True, limits=(0, 100)),
-        "Distance": Numeric(0, 100, 0.5, "m", absent=True, limits=(0, 400)),
-        "Age": Numeric(0, 4000, 20.0, "ms", absent=True, limits=(0, 4000)),
-    },
-    "advice": {
-        "Validity": _VALIDITY,
-        "Deceleration": _DECELERATION,
-        "DecelerationLow": _DECELERATION._replace(round_down=True),
-        "Distance": Numeric(0, 150, 4.0, "m", absent=True, round_down=True, limits=(0, 1000)),
-        "Category": Words(("Unknown", *CATEGORIES), (), _nothing("Unknown", CATEGORIES)),
-        "Age": Numeric(0, 1000, 50.0, "ms", absent=True, limits=(0, 12_700)),
-        "Ahead": Words(("None", "Suspected", "Confirmed"), (), (("Confirmed", "Suspected"),)),
     },
     "status_message": {
         "State": Words(("Running", "LinkDown", "Stopping")),

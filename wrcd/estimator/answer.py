@@ -12,7 +12,7 @@ from wrcd.estimator.paper.window import Lengths, Statistics, Window, mean_ratio,
 from wrcd.estimator.records import Estimate, EstimateDoubt
 from wrcd.estimator.trust.changes import decades
 from wrcd.estimator.trust.interval import regime, widening
-from wrcd.estimator.trust.memory import MEMORY_S, SIGMAS, Remembered, Word, spoken
+from wrcd.estimator.trust.memory import SIGMAS, Remembered, Word, spoken
 
 # Standard deviations above the word that what was in use at the last peak may lift it, and the most: three times the
 # word. A torque that is lost with the rail is no slip cycle, and there the word is vague.
@@ -49,7 +49,7 @@ class Draft:
     floor: FloatArray  # (n, 4) mean square residual that sensors so noisy leave
     speed_m_s: float
     grid_speed_m_s: float  # held within the design's grid
-    memory: FloatArray  # (6, n) what is Remembered
+    memory: FloatArray  # (5, n) what is Remembered
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,12 +131,11 @@ class Answers:
             mu = np.minimum(np.fmax(from_rules, used), 100.0)
             mu[np.isnan(from_rules)] = np.nan
             doubt, goes_on = np.zeros((2, n), dtype=np.int64)
-            past_s = chosen.ticks * d.tick_s
         else:
             memory, recent = Remembered(*draft.memory), answers[1]
             inference, chosen = inference.take(slice(0, n)), chosen.take(slice(0, n))
             cut = draft.blocks[0] < self._lengths.usual
-            word, share = spoken(memory, best.word, ~cut)
+            word, _ = spoken(memory, best.word, ~cut)
             from_rules, spread = np.exp(word.log_pct), SIGMAS * word.sigma
             # what has been in use lately is available: the estimate cannot lie below it
             allowed = np.minimum(memory.peak_pct, np.exp(word.log_pct + np.minimum(ALLOWED * word.sigma, LIFTS)))
@@ -150,11 +149,6 @@ class Answers:
             goes_on = regime(best.inputs[:, SWING], used / mu, cut, used >= d.saturated_share * mu)
             if d.interval is not None:
                 spread = spread * widening(d.interval, goes_on, np.full(n, draft.speed_m_s))
-            past_s = chosen.ticks * d.tick_s
-            past_s = np.where(
-                share < 1.0, np.maximum(past_s, np.minimum(memory.age_s, d.window_ticks * d.tick_s + MEMORY_S)), past_s
-            )
-            past_s = np.where(carried > from_rules, np.maximum(past_s, memory.peak_age_s), past_s)
             spread, doubt = self._doubted(spread, best, inference, chosen, draft.speed_m_s)
         fits = (best.inputs[:, :MODELS] - self._low) / self._width
         unknown = np.isnan(fits)
@@ -176,7 +170,6 @@ class Answers:
             contradicted=used > from_rules + margin,
             doubt=doubt,
             window_s=chosen.ticks * d.tick_s,
-            past_s=past_s,
             mu_from_rules_pct=from_rules,
             live_share=chosen.live_share,
             regime=goes_on,

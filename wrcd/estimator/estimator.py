@@ -48,7 +48,7 @@ class Estimator:
     _delayed_clear: BoolArray
     started: BoolArray  # whether a measurement was used since the last reset
     health: PairHealth
-    _memory: FloatArray  # (6, n) what is Remembered
+    _memory: FloatArray  # (5, n) what is Remembered
     outliers: int = 0  # samples left out so far
 
     def __init__(self, design: Design, axles: int) -> None:
@@ -79,7 +79,7 @@ class Estimator:
     def is_possible(self) -> bool:
         """Whether what is remembered is a number: a state from a file may hold others, and they would stay."""
         m = Remembered(*self._memory)
-        return bool(np.isfinite(self._memory).all() and (m.age_s >= 0.0).all() and (m.peak_age_s >= 0.0).all())
+        return bool(np.isfinite(self._memory).all() and (m.peak_age_s >= 0.0).all())
 
     def reset(self, axle: int) -> None:
         """Start an axle anew: after a gap, a step of time, or a standstill."""
@@ -133,7 +133,7 @@ class Estimator:
         self._complete = accepted.copy()  # reset() changes it, and not the record
         live, calm = self._put(tick, w, in_window, pulse, near)
         self._look_back(tick.number + 1)
-        return StepResult(innovations, w, accepted, left_out, near, in_window, live, calm, needs_reset)
+        return StepResult(innovations, w, accepted, left_out, near, live, calm, needs_reset)
 
     def run(self, ticks: Ticks, first: int, end: int, resets: bool) -> None:
         """Step ticks first … end - 1 of them; resets: whether axles are reset that need it."""
@@ -160,11 +160,10 @@ class Estimator:
             draft = self._draft()
             (usual, recent), _, _ = self._answers.answers(draft)
             step_s = STEP_TICKS * self.design.tick_s
-            ticks = draft.blocks[0] * BLOCK_TICKS
-            whole, window_s = ticks >= self.design.window_ticks, ticks * self.design.tick_s
+            whole = draft.blocks[0] * BLOCK_TICKS >= self.design.window_ticks
             memory = remember(
-                Remembered(*self._memory), usual.word, whole, window_s, recent.word, recent.live_share,
-                100.0 * draft.lasting, step_s, self._speed_m_s,
+                Remembered(*self._memory), usual.word, whole, recent.word, recent.live_share, 100.0 * draft.lasting,
+                step_s, self._speed_m_s,
             )  # fmt: skip
             if looks:
                 self.health.look(self._speed_m_s, draft.now, usual.inputs)

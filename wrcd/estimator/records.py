@@ -53,7 +53,6 @@ class StepResult:
     accepted: BoolArray  # both measurements were used
     outliers: BoolArray  # a measurement was left out by the gate
     near_pulse: BoolArray  # at a pulse of the axle box, or just after it
-    in_window: BoolArray  # can go into the window
     live: BoolArray  # the window was given the innovation of HOLD_TICKS before
     calm: BoolArray  # and that one is far from any pulse
     needs_reset: BoolArray  # outliers go on, or a filter is not finite
@@ -94,7 +93,6 @@ class Estimate:
     contradicted: BoolArray  # more is in use than the rules, with their interval, say there is: one of them is wrong
     doubt: IntArray  # an EstimateDoubt: what speaks against the estimate itself
     window_s: FloatArray  # length of the window that the rules have judged
-    past_s: FloatArray  # how far back most of its sources go: that window, words before, what was in use
     mu_from_rules_pct: FloatArray  # the rules' word, fused with those before; without what is or was in use
     live_share: FloatArray  # of the window, with data far from pulses
     regime: IntArray  # a Regime: what the interval's width goes by

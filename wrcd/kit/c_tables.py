@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from wrcd.bus.dbc import Signal
 from wrcd.core.vocabulary import snake
-from wrcd.kit.receiver import AHEAD, CATEGORY, CONFIDENCE, CONTACT, SURFACE, KitMessage, NumberSignal, WordSignal
+from wrcd.kit.receiver import CONFIDENCE, CONTACT, SURFACE, KitMessage, NumberSignal, WordSignal
 
 # Places in the enumerations of adhesion.h and adhesion.c.
 SAYS = {
@@ -15,14 +15,10 @@ SAYS = {
     "Confidence": {word: f"{place}U" for place, word in enumerate(CONFIDENCE)},  # in HALF_WIDTHS
     "Surface": {word: f"ADHESION_SURFACE_{snake(word).upper()}" for word in SURFACE},
     "ContactState": {word: f"ADHESION_CONTACT_{word.upper()}" for word in CONTACT},
-    "Category": {word: f"ADHESION_CATEGORY_{snake(word).upper()}" for word in CATEGORY},
-    "Ahead": {word: f"ADHESION_AHEAD_{word.upper()}" for word in AHEAD},
 }  # fmt: skip
 _MEMBERS = (
     ("validity", "Validity"), ("confidence", "Confidence"), ("surface", "Surface"), ("contact", "ContactState"),
     ("mu_available", "MuAvailable"), ("mu_used", "MuUsed"), ("sample_age", "SampleAge"),
-    ("category", "Category"), ("ahead", "Ahead"), ("deceleration", "Deceleration"),
-    ("deceleration_low", "DecelerationLow"), ("distance", "Distance"), ("age", "Age"),
 )  # fmt: skip
 
 

@@ -7,14 +7,11 @@ from fractions import Fraction
 from wrcd.bus.dbc import Signal
 from wrcd.bus.frame import id_text
 from wrcd.bus.positions import message_key
-from wrcd.kit.receiver import CONFIDENCE, TRAIN, KitMessage, NumberSignal, WordSignal, exact
+from wrcd.kit.receiver import CONFIDENCE, KitMessage, NumberSignal, WordSignal, exact
 from wrcd.kit.vectors import FOLLOWS_FROM_PP, HALF_WIDTHS_PP
 
 # Of what is read: the unit that is written, and its weight in the receiver's.
-UNITS = {
-    "MuAvailable": ("%", 100), "MuUsed": ("%", 100), "SampleAge": ("ms", 1), "Deceleration": ("m/s²", 100),
-    "DecelerationLow": ("m/s²", 100), "Distance": ("m", 1), "Age": ("ms", 1),
-}  # fmt: skip
+UNITS = {"MuAvailable": ("%", 100), "MuUsed": ("%", 100), "SampleAge": ("ms", 1)}
 DIGITS = 40
 WITHOUT = {
     "SampleAge": "step 7 is left out: nobody says how old the inputs are",
@@ -36,14 +33,13 @@ def warnings(messages: Sequence[KitMessage]) -> list[str]:
                 f"{m.name} has no E2E: flipped bits, repeats and a second sender are not found. Without "
                 "`accept_unprotected` in the settings it is never used."
             )
-        lacking = () if m.axle == TRAIN else [name for name in WITHOUT if name not in m.fields]
-        found += [f"{m.name} has no {name}: {WITHOUT[name]}." for name in lacking]
+        found += [f"{m.name} has no {name}: {WITHOUT[name]}." for name in WITHOUT if name not in m.fields]
     return found
 
 
 def _message(m: KitMessage) -> Iterator[str]:
     kind = ("CAN FD, " if m.is_fd else "") + f"{29 if m.message.is_extended_frame else 11} bits"
-    yield f"## {m.name}: {'the train' if m.axle == TRAIN else f'axle {m.axle}'}\n"
+    yield f"## {m.name}: axle {m.axle}\n"
     yield "| id | kind | bytes | cycle | time-out | E2E data id |"
     yield "|---|---|---|---|---|---|"
     data_id = "none: not protected" if m.output.data_id is None else f"0x{m.output.data_id:04X}"

@@ -1,5 +1,4 @@
-"""What a receiver must know of a configuration's Adhesion messages and of the train's advice, as whole numbers: no
-floating point."""
+"""What a receiver must know of a configuration's Adhesion messages, as whole numbers: no floating point."""
 
 import math
 from collections.abc import Sequence
@@ -12,7 +11,6 @@ from wrcd.bus.dbc import Message, Signal, find_message, find_signal, shortest_ti
 from wrcd.bus.positions import fit_raw, frame_length, is_fd, span
 from wrcd.bus.signals import Output, OutputSignal
 from wrcd.core.configuration import Config
-from wrcd.core.vocabulary import CATEGORIES
 from wrcd.errors import InputError
 
 # Our words of each signal, the most cautious first: where several share a raw value, the first of them is what it says.
@@ -20,13 +18,10 @@ VALIDITY = ("Error", "NotAvailable", "Degraded", "Valid")
 CONFIDENCE = ("None", "Wider", "Within12pp", "Within8pp", "Within5pp", "Within3pp", "Within2pp", "Within1pp")
 SURFACE = ("Unknown", "VeryLow", "Low", "Reduced", "Wet", "Dry")
 CONTACT = ("Unknown", "Saturated", "Adhering")
-CATEGORY = ("Unknown", *reversed(CATEGORIES))
-AHEAD = ("Confirmed", "Suspected", "None")
-TRAIN = 255  # in place of an axle's number
 # What a step of a number is, how it is rounded, and up to what it is one.
-CENTIPERCENT, MS, CM_S2, M = 100, 1, 100, 1
+CENTIPERCENT, MS = 100, 1
 DOWN, NEAREST, UP = Fraction(0), Fraction(1, 2), Fraction(1)
-MAX_PCT, MAX_MS, MAX_M_S2, MAX_M = 100, 65_534, 10, 65_534
+MAX_PCT, MAX_MS = 100, 65_534
 SLACK = Fraction(1, 1_000_000)  # of a raw value: what is lost in the conversion of a range
 MAX_BITS = 32  # of a signal; a weight and an offset below these bounds then overflow no 64 bits
 MAX_WEIGHT, MAX_DIVISOR, MAX_OFFSET = 1 << 30, 1 << 60, 1 << 61
@@ -42,7 +37,7 @@ class Weights(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class NumberSignal:
-    """A signal whose raw values from lowest to highest, but none, are a number in 0.01 %, 0.01 m/s², m or ms."""
+    """A signal whose raw values from lowest to highest, but none, are a number in 0.01 % or ms."""
 
     signal: Signal
     sent: OutputSignal
@@ -64,7 +59,7 @@ class WordSignal:
 
 @dataclass(frozen=True, slots=True)
 class KitMessage:
-    """An axle's Adhesion, or AdhesionAdvice, whose axle is TRAIN; fields: its signals by our names."""
+    """An axle's Adhesion; fields: its signals by our names."""
 
     axle: int
     message: Message
@@ -81,9 +76,8 @@ class KitMessage:
 
 
 def messages(config: Config) -> tuple[KitMessage, ...]:
-    """Return every axle's Adhesion message, and the advice. Raises InputError for one that has no receiver."""
+    """Return every axle's Adhesion message. Raises InputError for one that has no receiver."""
     outputs = [(a.adhesion, a.number) for a in config.axles]
-    outputs += [] if config.advice is None else [(config.advice.output, TRAIN)]
     return tuple(kit_message(find_message(config.database, o.message), o, n, config.file) for o, n in outputs)
 
 
@@ -92,17 +86,10 @@ def kit_message(message: Message, output: Output, axle: int, file: str) -> KitMe
     fields: dict[str, NumberSignal | WordSignal] = {}
     numbers = {
         "MuAvailable": (CENTIPERCENT, DOWN, MAX_PCT), "MuUsed": (CENTIPERCENT, NEAREST, MAX_PCT),
-        "SampleAge": (MS, UP, MAX_MS), "Deceleration": (CM_S2, NEAREST, MAX_M_S2),
-        "DecelerationLow": (CM_S2, DOWN, MAX_M_S2), "Distance": (M, DOWN, MAX_M), "Age": (MS, UP, MAX_MS),
+        "SampleAge": (MS, UP, MAX_MS),
     }  # fmt: skip
-    words = {
-        "Validity": VALIDITY, "Confidence": CONFIDENCE, "Surface": SURFACE, "ContactState": CONTACT,
-        "Category": CATEGORY, "Ahead": AHEAD,
-    }  # fmt: skip
-    for ours in (
-        "Validity", "MuAvailable", "Confidence", "MuUsed", "SampleAge", "Surface", "ContactState",
-        "Deceleration", "DecelerationLow", "Distance", "Category", "Age", "Ahead",
-    ):  # fmt: skip
+    words = {"Validity": VALIDITY, "Confidence": CONFIDENCE, "Surface": SURFACE, "ContactState": CONTACT}
+    for ours in ("Validity", "MuAvailable", "Confidence", "MuUsed", "SampleAge", "Surface", "ContactState"):
         if ours not in output.signals:
             continue
         sent = output.signals[ours]

@@ -11,23 +11,16 @@ from wrcd.bus.e2e import COUNTER_MODULO
 from wrcd.bus.positions import span
 from wrcd.core.vocabulary import CONFIDENCES
 from wrcd.kit.c_tables import SAYS, byte_list, flag
-from wrcd.kit.receiver import TRAIN, KitMessage, NumberSignal, WordSignal, exact
+from wrcd.kit.receiver import KitMessage, NumberSignal, WordSignal, exact
 
 NO_VALUE = "ADHESION_NO_VALUE"
 HALF_WIDTHS_PP = {word: int(most) for most, word in reversed(CONFIDENCES) if word != "Wider"}  # the widest first
 FOLLOWS_FROM_PP = 5
 MAX_SAMPLE_AGE_MS, TOO_OLD_MS = 60, 255
-MAX_PCT, MAX_M_S2 = 100, 10
-# How a number is rounded to 0.01 % and 0.01 m/s², to m and to ms.
-HUNDREDTHS = {"MuAvailable", "MuUsed", "Deceleration", "DecelerationLow"}
-NEAREST, UP = {"MuUsed", "Deceleration"}, {"SampleAge", "Age"}
+MAX_PCT = 100
 VALID: dict[str, Value] = {
     "Validity": "Valid", "MuAvailable": 23.45, "MuUsed": 6.78, "SampleAge": 5.0, "Surface": "Wet",
     "ContactState": "Adhering", "Confidence": "Within3pp",
-}  # fmt: skip
-VALID_ADVICE: dict[str, Value] = {
-    "Validity": "Valid", "Deceleration": 1.52, "DecelerationLow": 1.11, "Distance": 84.0, "Category": "DryMedium",
-    "Age": 200.0, "Ahead": "None",
 }  # fmt: skip
 
 
@@ -49,16 +42,6 @@ SAID: tuple[tuple[str, dict[str, Value]], ...] = (
     *_with("MuUsed", None, 0.0, 50.0),
     *_with("SampleAge", 0.0, 60.0, 80.0, 255.0),
 )
-SAID_ADVICE: tuple[tuple[str, dict[str, Value]], ...] = (
-    ("Valid", {}),
-    *_with("Validity", "Degraded", "NotAvailable", "Error"),
-    *_with("DecelerationLow", None, 0.0, 0.35, 0.7, 2.5),
-    *_with("Deceleration", None, 0.0, 2.5),
-    *_with("Distance", None, 0.0, 150.0),
-    *_with("Category", "Unknown", "Dry", "DryLow", "Low", "VeryLow"),
-    *_with("Age", None, 0.0, 1000.0),
-    *_with("Ahead", "Suspected", "Confirmed"),
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,9 +57,8 @@ def vectors(m: KitMessage) -> list[Vector]:
     """Frames of all words and of edges of the numbers, as wrcd sends them."""
     writer = Writer(m.message, m.output)
     found = []
-    usual, said = (VALID_ADVICE, SAID_ADVICE) if m.axle == TRAIN else (VALID, SAID)
-    for slot, (what, other) in enumerate(said):
-        values = usual | other
+    for slot, (what, other) in enumerate(SAID):
+        values = VALID | other
         if "Error" in values.values() and "Error" not in (m.output.signals["Validity"].words or {}):
             continue
         frame = writer.frame(0, slot, {ours: values[ours] for ours in m.output.signals})
@@ -99,8 +81,7 @@ def _edges(n: NumberSignal) -> list[int]:
 def turn(m: KitMessage) -> list[bytes]:
     """A Valid frame with each counter."""
     writer = Writer(m.message, m.output)
-    usual = VALID_ADVICE if m.axle == TRAIN else VALID
-    values = {ours: usual[ours] for ours in m.output.signals}
+    values = {ours: VALID[ours] for ours in m.output.signals}
     return [writer.frame(0, slot, values).data for slot in range(COUNTER_MODULO)]
 
 
@@ -124,12 +105,11 @@ def _number(ours: str, n: NumberSignal, raw: int) -> int | None:
     beyond = (low is not None and physical < exact(low)) or (high is not None and physical > exact(high))
     if raw == n.sent.not_available or raw in (s.choices or {}) or beyond or value < 0:
         return None
-    if value > (MAX_PCT if ours.startswith("Mu") else MAX_M_S2 if ours in HUNDREDTHS else math.inf):
+    if ours == "SampleAge":
+        return min(math.ceil(value), TOO_OLD_MS)
+    if value > MAX_PCT:
         return None
-    if ours in HUNDREDTHS:
-        value *= 100
-    whole = math.ceil(value) if ours in UP else math.floor(value + (Fraction(1, 2) if ours in NEAREST else 0))
-    return min(whole, TOO_OLD_MS) if ours == "SampleAge" else whole
+    return math.floor(100 * value + (Fraction(1, 2) if ours == "MuUsed" else 0))
 
 
 def expected(m: KitMessage, says: Mapping[str, int | str | None]) -> dict[str, str]:
@@ -173,25 +153,6 @@ def _reason(m: KitMessage, says: Mapping[str, int | str | None]) -> str | None:
     return "ADHESION_NO_CLASS" if {None, "Unknown"} & {*classes} else None
 
 
-def expected_advice(says: Mapping[str, int | str | None]) -> dict[str, str]:
-    """The same of adhesion_poll_advice."""
-    reason = {"Valid": "", "Degraded": "ADHESION_DEGRADED", "NotAvailable": "ADHESION_NOT_AVAILABLE"}.get(
-        str(says["Validity"]), "ADHESION_VALIDITY"
-    )
-    if not reason and says["DecelerationLow"] is None:
-        reason = "ADHESION_MU"
-    if not reason and says.get("Category", "Dry") in ("Unknown", None):
-        reason = "ADHESION_NO_CLASS"
-    told = {} if reason else says
-    return {
-        "state": "ADHESION_FALL_BACK" if reason else "ADHESION_FRESH_VALID", "reason": reason or "ADHESION_NO_REASON",
-        "deceleration": _or_none(told.get("Deceleration")), "deceleration_low": _or_none(told.get("DecelerationLow")),
-        "distance_m": _or_none(told.get("Distance")), "age_ms": _or_none(told.get("Age")),
-        "category": SAYS["Category"][str(told.get("Category") or "Unknown")],
-        "ahead": SAYS["Ahead"][str(told.get("Ahead") or "None")],
-    }  # fmt: skip
-
-
 def _or_none(value: int | str | None) -> str:
     return NO_VALUE if value is None else f"{value}U"
 
@@ -233,13 +194,5 @@ def _turn(m: KitMessage) -> Iterator[str]:
 
 def _row(place: int, m: KitMessage, v: Vector) -> Iterator[str]:
     yield f'    {{"{m.name}: {v.what}", {place}U, {{{byte_list(v.data)}}},'
-    if m.axle == TRAIN:
-        advice = expected_advice(v.says)
-        # the same state, for tests that look for a Valid frame
-        yield f"     {{.state = {advice['state']}}}, {{{_members(advice)}}}}},"
-    else:
-        yield f"     {{{_members(expected(m, v.says))}}}, {{.state = ADHESION_FALL_BACK}}}},"
-
-
-def _members(values: Mapping[str, str]) -> str:
-    return ", ".join(f".{key} = {value}" for key, value in values.items())
+    members = ", ".join(f".{key} = {value}" for key, value in expected(m, v.says).items())
+    yield f"     {{{members}}}}},"

@@ -18,8 +18,8 @@ from wrcd.kit.vectors import vectors, vectors_header
 
 _PACKAGED = "the packaged DBC"
 FILES = (
-    "adhesion.h", "adhesion.c", "braking_rate.h", "braking_rate.c", "test_adhesion.c", "vectors.h",
-    "example_socketcan.c", "Makefile", "fields.md", "README.md",
+    "adhesion.h", "adhesion.c", "test_adhesion.c", "vectors.h", "example_socketcan.c", "Makefile", "fields.md",
+    "README.md",
 )  # fmt: skip
 
 

@@ -20,8 +20,8 @@ from wrcd.core.vocabulary import CONFIDENCES, MESSAGES, Numeric, Words
 from wrcd.logs.scan import Scan, good_frames
 from wrcd.logs.story_records import AdhesionRecord, Detail, HealthRecord, Numbers, Places, Series
 
-OF_AXLE = ("adhesion", "detail", "inputs", "ahead")
-OF_DAEMON = ("status_message", "rejects_message", "link_message", "advice")
+OF_AXLE = ("adhesion", "detail", "inputs")
+OF_DAEMON = ("status_message", "rejects_message", "link_message")
 UNKNOWN = -1  # a word that is none of ours
 Values = NDArray[np.float64] | NDArray[np.int8]
 
@@ -29,9 +29,7 @@ Values = NDArray[np.float64] | NDArray[np.int8]
 class MessageDecoder:
     """Decodes frames of one message. Damaged ones too: whether a frame may be believed is another question."""
 
-    def __init__(
-        self, message: Message, output: Output | None = None, kind: str = "", axle: int = 0, *, extra: bool = False
-    ) -> None:
+    def __init__(self, message: Message, output: Output | None = None, kind: str = "", axle: int = 0) -> None:
         """kind: the key in the vocabulary of a message of ours; axle: its number, 0 for the daemon's own."""
         self.name, self.key, self.length = message.name, message_key(message), frame_length(message)
         self.kind, self.axle, self.message = kind, axle, message
@@ -40,7 +38,7 @@ class MessageDecoder:
         vocabulary: Mapping[str, Numeric | Words] = MESSAGES[kind] if kind else {}
         self.signals = {s.name: OutputSignal(s.name) for s in message.signals} if output is None else output.signals
         self._columns = {
-            name: _Column(message, self.length, s, vocabulary.get(name), extra) for name, s in self.signals.items()
+            name: _Column(message, self.length, s, vocabulary.get(name)) for name, s in self.signals.items()
         }
 
     @property
@@ -52,7 +50,7 @@ class MessageDecoder:
         """Values of frames, data (n, at least the message's length), by name, each (n,).
 
         A number is in our unit (without a kind in the DBC's), NaN where there is none. A word is its place in the
-        vocabulary's words (with extra, those that a field may have beside them come after), UNKNOWN for another.
+        vocabulary's words, UNKNOWN for another.
         """
         data = np.ascontiguousarray(data[:, : self.length])
         orders: tuple[Order, ...] = ("little", "big") if self.length <= 8 else ()
@@ -63,14 +61,11 @@ class MessageDecoder:
 class _Column:
     """One signal of a message."""
 
-    def __init__(
-        self, message: Message, length: int, sent: OutputSignal, ours: Numeric | Words | None, extra: bool
-    ) -> None:
+    def __init__(self, message: Message, length: int, sent: OutputSignal, ours: Numeric | Words | None) -> None:
         s = find_signal(message, sent.name)
         self._field, self._branch = Field(s, length), Branch(message, s, length)
         self._scale, self._offset = float(s.scale) / sent.factor, float(s.offset) / sent.factor
-        words = (*ours.words, *(ours.extra if extra else ())) if isinstance(ours, Words) else None
-        self._words = None if words is None else _places_of_raw(s, sent, words)
+        self._words = _places_of_raw(s, sent, ours.words) if isinstance(ours, Words) else None
         self._nothing = _nothing(s, sent) if isinstance(ours, Numeric) and ours.absent else []
         low, high = s.minimum, s.maximum
         self._low = -math.inf if low is None else float(low) / sent.factor
@@ -121,20 +116,19 @@ def _nothing(s: Signal, sent: OutputSignal) -> list[float]:
     return named or [float(span(s)[1])]
 
 
-def decoders(config: Config, *, extra: bool = False) -> Iterator[MessageDecoder]:
-    """A decoder for each message that a daemon of this configuration sends; with the vocabulary's extra words, too."""
+def decoders(config: Config) -> Iterator[MessageDecoder]:
+    """A decoder for each message that a daemon of this configuration sends."""
     for kind, number, output in sent_messages(config):
-        yield MessageDecoder(find_message(config.database, output.message), output, kind, number, extra=extra)
+        yield MessageDecoder(find_message(config.database, output.message), output, kind, number)
 
 
 def sent_messages(config: Config) -> Iterator[tuple[str, int, Output]]:
     """What a daemon sends: the key in the vocabulary, the axle's number (0: its own), the message."""
     for axle in config.axles:
-        for kind, output in zip(OF_AXLE, (axle.adhesion, axle.detail, axle.inputs, axle.ahead), strict=True):
+        for kind, output in zip(OF_AXLE, (axle.adhesion, axle.detail, axle.inputs), strict=True):
             if output is not None:
                 yield kind, axle.number, output
-    advice = None if config.advice is None else config.advice.output
-    for kind, output in zip(OF_DAEMON, (config.status, config.rejects, config.link, advice), strict=True):
+    for kind, output in zip(OF_DAEMON, (config.status, config.rejects, config.link), strict=True):
         if output is not None:
             yield kind, 0, output
 

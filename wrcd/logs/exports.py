@@ -27,9 +27,8 @@ from wrcd.logs.story_events import NewChanges
 BLOCK_US = 10_000_000  # of the log, held in memory
 # by key of the vocabulary: the name of the packaged DBC's message
 NAMES = {
-    "adhesion": "Adhesion", "detail": "AdhesionDetail", "inputs": "InputHealth", "ahead": "AdhesionAhead",
+    "adhesion": "Adhesion", "detail": "AdhesionDetail", "inputs": "InputHealth",
     "status_message": "WrcdStatus", "rejects_message": "WrcdRejects", "link_message": "WrcdLink",
-    "advice": "AdhesionAdvice",
 }  # fmt: skip
 INPUTS = {
     Quantity.YAW_RATE: "YawRate", Quantity.LAT_ACCEL: "LatAccel", Quantity.TORQUE: "Torque", Quantity.SPEED: "Speed",
@@ -42,7 +41,7 @@ VALIDITIES, CAUSES = list(Validity), list(Cause)
 
 def sent_groups(config: Config) -> Iterator[tuple[MessageDecoder, ExportGroup]]:
     """Each message that the daemon sends, and its group."""
-    for decoder in decoders(config, extra=True):
+    for decoder in decoders(config):
         of = f"_A{decoder.axle}" if decoder.axle else ""
         channels = tuple(_channel(decoder, name) for name in decoder.names)
         about = f"frames of {decoder.name}, every {decoder.cycle_us / 1000:g} ms"
@@ -53,7 +52,7 @@ def _channel(decoder: MessageDecoder, name: str) -> ExportChannel:
     ours = MESSAGES[decoder.kind][name]
     comment = find_signal(decoder.message, decoder.signals[name].name).comment or ""
     if isinstance(ours, Words):
-        return ExportChannel(name, words=(*ours.words, *ours.extra), comment=comment)
+        return ExportChannel(name, words=ours.words, comment=comment)
     return ExportChannel(name, ours.unit, comment=comment)
 
 

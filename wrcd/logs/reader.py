@@ -22,23 +22,10 @@ CHUNK_BYTES, READ_BYTES = 1 << 18, 1 << 13  # of a log, taken at once, and asked
 CANDUMP_SUFFIXES = {".log"}
 # "  vcan0  123   [8]  11 22 33": with -t a stamp before it, with -c colours between
 _SCREEN = re.compile(rb"[^#]*?\s[0-9A-Fa-f]{3,8}\b[^#]*?\[\d{1,2}\]")
+FILE_ERRORS = (OSError, EOFError, zlib.error)  # of a file that may be packed
 STANDARD_INPUT = Path("standard input")  # in messages
 _DROPPED = re.compile(rb"DROPCOUNT: dropped (\d{1,9}) CAN frames? on .*")
-_HEAD_BYTES = 1024
-_GZIP = b"\x1f\x8b"
-# what a format's files begin with, and their suffix
-_KINDS = (
-    (re.compile(rb"LOGG"), ".blf", "a BLF, Vector's binary log"),
-    (re.compile(rb"MDF     |UnFinMF "), ".mf4", "an ASAM MDF"),
-    (re.compile(rb"SQLite format 3\0"), ".db", "an SQLite database"),
-    (re.compile(rb"\s*;\$FILEVERSION", re.IGNORECASE), ".trc", "a TRC, PEAK's text log"),
-    (
-        re.compile(rb"(?:\s*//[^\n]*\n)*\s*(?:date\s+\w+\s|base\s+(?:hex|dec)\b)", re.IGNORECASE),
-        ".asc",
-        "an ASC, Vector's text log",
-    ),
-    (re.compile(rb"\s*\(\d{1,11}\.\d{6}(?:\d{3})?\)\s+\S+\s+[0-9A-Fa-f]{3,8}#"), ".log", "a candump log"),
-)
+ENDS_IN = "the suffix tells the format: a candump log (candump -l or -L) ends in .log"
 
 
 class LogReader:
@@ -101,56 +88,20 @@ def log_suffix(path: Path) -> str:
     return Path(path.name.removesuffix(".gz")).suffix.lower()
 
 
-def check_log(path: Path) -> None:
-    """Raises InputError for a folder, and for a file that is surely of another format than its suffix tells.
-
-    A file that cannot be read, or that looks like nothing known, is left to its reader. A pipe is not looked into.
-    """
-    if path.is_dir():
-        raise InputError("is a folder, not a log", file=path, hint="name a file in it")
-    if not path.is_file():
-        return
-    head, zipped = _head(path)
-    named_zipped = path.suffix == ".gz"
-    found = next(((suffix, name) for pattern, suffix, name in _KINDS if pattern.match(head)), None)
-    if found is not None and (found[0] != log_suffix(path) or zipped != named_zipped):
-        suffix, looks_like = found
-    elif zipped and not named_zipped:
-        suffix, looks_like = log_suffix(path), "a file"
-    else:
-        return
-    own_suffix = "".join(Path(path.name).suffixes[-2:] if named_zipped else path.suffix) or "its name"
-    raise InputError(
-        f"looks like {looks_like}{' packed by gzip' * zipped}, {own_suffix} says otherwise",
-        file=path,
-        hint=f"the suffix tells the format: rename it to end in {suffix}{'.gz' * zipped}",
-    )
-
-
-def _head(path: Path) -> tuple[bytes, bool]:
-    """The first bytes of a file, unpacked, and whether it is packed by gzip."""
-    zipped = False
-    try:
-        with path.open("rb") as file:
-            head = file.read(_HEAD_BYTES)
-            zipped = head.startswith(_GZIP)
-            if zipped:
-                file.seek(0)
-                with gzip.GzipFile(fileobj=file) as unpacked:
-                    head = unpacked.read(_HEAD_BYTES)
-    except (OSError, EOFError, zlib.error):
-        head = b""
-    return head, zipped
-
-
 def read_log(path: Path, damage: Damage) -> Iterator[tuple[Frame, str]]:
     """Frames and channels of a log, oldest first as written. Raises InputError if there is no such log, or not one
     frame in it; damage is filled in on the way."""
-    with _errors(path, damage):
-        if log_suffix(path) in CANDUMP_SUFFIXES:
+    if log_suffix(path) in CANDUMP_SUFFIXES:
+        with _errors(path, damage, *FILE_ERRORS):
             yield from _read_candump(path, damage)
-        else:
-            yield from _read_other(path, damage)
+        return
+    from wrcd.logs import formats
+
+    # every reader of python-can has its own way to fail
+    with _errors(path, damage, Exception), _open(path) as file:
+        for found in formats.read(path, log_suffix(path), file):
+            damage.read += 1
+            yield found
 
 
 def read_lines(lines: Iterable[bytes], damage: Damage) -> Iterator[tuple[Frame, str]]:
@@ -170,19 +121,21 @@ def read_lines(lines: Iterable[bytes], damage: Damage) -> Iterator[tuple[Frame, 
 
 
 @contextlib.contextmanager
-def _errors(path: Path, damage: Damage) -> Iterator[None]:
+def _errors(path: Path, damage: Damage, *kinds: type[Exception]) -> Iterator[None]:
     """What goes wrong with a log's file: an InputError, or damage where some of it was read."""
-    check_log(path)
     try:
         yield
-    except (OSError, EOFError, zlib.error) as e:
-        if isinstance(e, FileNotFoundError):
-            raise InputError("no such log", file=path, hint="check the path") from None
+    except InputError:
+        raise
+    except (FileNotFoundError, IsADirectoryError):
+        raise InputError("no such log", file=path, hint="check the path") from None
+    except kinds as e:
+        reason = str(e) or type(e).__name__
         if not damage.read:
-            raise InputError(f"cannot be read: {e}", file=path) from None
-        damage.stopped = f"damaged there ({e})"
+            raise InputError(f"cannot be read: {reason}", file=path, hint=ENDS_IN) from None
+        damage.stopped = reason
     if not damage.read:
-        raise InputError("has not one readable frame", file=path, hint="a candump log (candump -l or -L) ends in .log")
+        raise InputError("has not one readable frame", file=path, hint=ENDS_IN)
 
 
 def _open(path: Path) -> IO[bytes]:
@@ -218,7 +171,7 @@ def read_stretches(path: Path, damage: Damage) -> Iterator[Item]:
     if log_suffix(path) not in CANDUMP_SUFFIXES:
         yield from stretches(read_log(path, damage))
         return
-    with _errors(path, damage):
+    with _errors(path, damage, *FILE_ERRORS):
         yield from _read_candump_stretches(path, damage)
 
 
@@ -233,7 +186,7 @@ def _whole_lines(file: Any) -> Iterator[bytes]:
             while wanted > 0 and (part := file.read1(READ_BYTES)):
                 parts.append(part)
                 wanted -= len(part)
-        except (OSError, EOFError, zlib.error) as e:
+        except FILE_ERRORS as e:
             failed = e
         text = b"".join(parts)
         end = text.rfind(b"\n") + 1
@@ -270,18 +223,3 @@ def _read_candump_stretches(path: Path, damage: Damage) -> Iterator[Item]:
                     if found is not None:
                         yield found
             number += len(regular)
-
-
-def _read_other(path: Path, damage: Damage) -> Iterator[tuple[Frame, str]]:
-    from wrcd.logs import formats
-
-    suffix = log_suffix(path)
-    takes_a_path = suffix == ".db" or (suffix not in formats.FROM_FILE and path.suffix != ".gz")
-    if takes_a_path and not path.exists():
-        raise FileNotFoundError(path)
-    if takes_a_path:
-        yield from formats.read_binary(None, suffix, path, damage)
-        return
-    with _open(path) as file:
-        read = formats.read_text if suffix in formats.TEXT else formats.read_binary
-        yield from read(file, suffix, path, damage)

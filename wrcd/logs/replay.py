@@ -16,7 +16,7 @@ from wrcd.core.messages import Outgoing
 from wrcd.errors import InputError, Status
 from wrcd.logs.exports import gathering_for
 from wrcd.logs.feed import WHOLE, Part, Selection, Survey, check_since, check_time, outgoing_of_log, survey
-from wrcd.logs.reader import LogReader, check_log
+from wrcd.logs.reader import LogReader
 from wrcd.logs.replay_outputs import SCREEN, Outputs, Writing, check_outputs
 from wrcd.recorder.resume import Saved, load, state_file
 
@@ -38,7 +38,6 @@ def replay(
     Returns the exit status: STOPPED for a log that could not be read to its end, NOT_THERE where no frame is an input.
     Outputs of a log that turns out not to be readable at all are removed again.
     """
-    check_log(log)
     check_outputs([outputs], [log], asdict(inputs))
     if outputs.events == SCREEN and explained and outputs.rows is None:
         raise InputError("and the rows of --explain are both for the screen", key="--events", hint="name a file")
@@ -71,8 +70,7 @@ def replay(
 
 def resume(core: Core, log: Path) -> Saved | None:
     """Put the state that lies beside a recorder's log into a core, and say so. Raises InputError if it does not fit."""
-    path = state_file(log)
-    if not path.exists() or not log.exists():
+    if not log.is_file() or not (path := state_file(log)).exists():
         return None
     saved = load(path, core)
     print(f"wrcd: goes on from {path.name}", file=sys.stderr)
@@ -121,6 +119,7 @@ class ReplayRun:
         )
 
     def _warnings(self, found: Survey) -> Iterator[str]:
+        yield from self._core.config.warnings
         yield from self._reader.warnings
         if self._saved is not None and self._reader.damage.read != self._saved.lines:
             yield (

@@ -24,7 +24,7 @@ from wrcd.logs import statistics, story_events, truth, verdict
 from wrcd.logs.decoder import OwnFrames
 from wrcd.logs.feed import outgoing_of_log
 from wrcd.logs.mapped_inputs import MappedInputs, distance
-from wrcd.logs.reader import LogReader, check_log
+from wrcd.logs.reader import LogReader
 from wrcd.logs.scan import Gathering, Scan, scan
 from wrcd.logs.statistics import BIT_RATE
 from wrcd.logs.story_events import NewChanges
@@ -146,8 +146,7 @@ def gather(
     neither wrcd's frames nor a usable input is found.
     """
     progress = progress or Progress()
-    check_log(log)
-    if log.exists() and not log.is_file():
+    if log.exists() and not (log.is_file() or log.is_dir()):
         raise InputError("is read twice, which a pipe or a device cannot", file=log, hint="write it to a file first")
     first: list[int] = []
 
@@ -191,7 +190,7 @@ def gather(
         log, found.channel, SENT if estimated is None else ESTIMATED, found.begin_us, found.end_us, tuple(axles), speed,
         distance(speed), torque, status, rejects, link,
         statistics.bus(found, config, databases, truth_keys, own.keys, wrong, bit_rate), (), (), tuple(warnings),
-        config, _versions(config), found.whole, found.clock_steps, own.series(sent, "advice"),
+        config, _versions(config), found.whole, found.clock_steps,
         estimated.accepted if estimated else 0, estimated.refused if estimated else {},
     )  # fmt: skip
     return verdict.judged(story_events.with_falls(story))

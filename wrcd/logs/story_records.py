@@ -251,7 +251,6 @@ class Story:
     versions: Mapping[str, str] = field(default_factory=dict)  # wrcd, design and its checksum, Python, libraries
     whole: bool = True  # all of the log could be read
     clock_steps: tuple[ClockStep, ...] = ()
-    advice: Series | None = None  # of the train, as the vocabulary has it
     accepted: int = 0  # frames that the core accepted, of what is estimated here
     refused: Mapping[tuple[str, Reason], int] = field(default_factory=dict)  # by message and reason, likewise
 

@@ -26,7 +26,7 @@ DETAIL_US, TRUTH_US = 400_000, 200_000  # a frame of them older than this says n
 AROUND_US = 1_000_000  # before and after that residuals are shown beside a moment
 FULL_PCT = 90.0  # from such a load on frames of low priority wait
 SHORT = {"lateral_acceleration": "lat. accel.", "wheel_radius": "radius"}
-STATUS, REJECTS, LINK, ADVICE = "status_message", "rejects_message", "link_message", "advice"
+STATUS, REJECTS, LINK = "status_message", "rejects_message", "link_message"
 # counts that wrap round, by message: name, and what a person calls it
 COUNTS = {
     STATUS: {"Overruns": "overruns", "ReceiveDrops": "drops", "Reopens": "reopens"},
@@ -141,29 +141,12 @@ def daemon_at(model: BusModel, at_us: int) -> DaemonNow:
         if rejected.get("ForeignFrames", 0.0) > 0:
             parts.append(f"{int(rejected['ForeignFrames'])} frames of another sender under its ids")
             level = "warn"
-    if (advice := now.get(ADVICE)) is not None:
-        parts.append(f"advice {_advice(advice)}")
     for kind, names in COUNTS.items():
         grown = added(model.daemon[kind].until(at_us), kind) if kind in model.daemon else {}
         parts += [
             f"{name} +{n:.0f}" for key, name in names.items() if key in grown and (n := np.nansum(grown[key])) > 0
         ]
     return DaemonNow(level, state, parts)
-
-
-def _advice(advice: dict[str, float]) -> str:
-    """The train's advice in short; it is of no use where it is not Valid."""
-    validity = _word(ADVICE, "Validity", advice)
-    if validity == Validity.NOT_AVAILABLE.value:
-        return validity
-    middle, low = (advice.get(name, math.nan) for name in ("Deceleration", "DecelerationLow"))
-    parts = [f"≥ {low:.2f} m/s²" if math.isfinite(low) else NO_VALUE]
-    parts[0] += f" ({middle:.2f})" if math.isfinite(middle) else ""
-    parts += [_word(ADVICE, name, advice) for name in ("Category",) if name in advice]
-    parts += [f"{advice['Age']:.0f} ms old"] if advice.get("Age", 0.0) > 0 else []
-    if "Ahead" in advice and (ahead := _word(ADVICE, "Ahead", advice)) != "None":
-        parts.append(f"drop ahead {ahead}")
-    return ", ".join(parts if validity == Validity.VALID.value else [validity, *parts])
 
 
 def _word(message: str, signal: str, values: dict[str, float]) -> str:

@@ -21,7 +21,7 @@ from wrcd.core.counts import Health
 from wrcd.core.events import COLUMNS, MAX_KEPT, csv_line
 from wrcd.core.messages import Report
 from wrcd.recorder.dump_folder import Bound, dump_name, safe_channel_name
-from wrcd.recorder.resume import identity, settings
+from wrcd.recorder.resume import identity
 from wrcd.recorder.ring import ADVANCED, CLASSICAL_BYTES, FD_BYTES, HEALTH, RECEIVED, SENT, Ring
 from wrcd.recorder.state import capture, encode
 from wrcd.recorder.writer import Child, Request, start
@@ -93,7 +93,7 @@ class Recorder:
         if config.folder is None:
             raise ValueError("a recorder needs a folder")
         self._folder, self._core, self._write = config.folder, core, write
-        self._bound = _bound(config)
+        self._bound = Bound(config.max_files, round(config.max_mb * 1e6))
         self._channel = safe_channel_name(channel)
         self._every_us = max(1, round(config.seconds * 1e6 / SNAPSHOTS))
         # dumps are of config.seconds at least: the oldest snapshot is up to one interval older than that
@@ -105,7 +105,6 @@ class Recorder:
         self._healths: deque[tuple[int, dict[str, Any]]] = deque()  # by position, from the oldest snapshot on: changes
         self._changes: deque[tuple[int, str]] = deque(maxlen=MAX_KEPT)  # of Validity, by position as rows
         self._changes_told = core.events.total
-        self._settings = core.config
         self._fits = identity(core.config)
         self._triggers = Triggers([axle.adhesion.cycle_us for axle in core.config.axles])
         core.take_reports()  # from now on it is kept
@@ -171,13 +170,6 @@ class Recorder:
 
     def _snapshot(self, now_us: int) -> None:
         ring, kept = self._ring, self._snapshots
-        if self._core.config is not self._settings:
-            self._settings = config = self._core.config
-            self._bound = _bound(config.recorder)
-            if (now := settings(config)) != self._fits["configuration"]:
-                # other limits from here on: what was recorded under the old ones can't be replayed with the new
-                self._fits = {**self._fits, "configuration": now}
-                kept.clear()
         # by the ring's filling, too, so that the newest is never overwritten by a bus that carries more than it can
         if kept and 0 <= now_us - kept[-1].at_us < self._every_us and (
             ring.end - kept[-1].position < ring.records // (SNAPSHOTS + 1)
@@ -259,10 +251,6 @@ class Recorder:
 
 def _copied(health: Health) -> Health:
     return replace(health, link=replace(health.link))
-
-
-def _bound(config: RecorderConfig) -> Bound:
-    return Bound(config.max_files, round(config.max_mb * 1e6))
 
 
 def make_recorder(core: Core, channel: str, write: Callable[[str], None]) -> Recorder | None:

@@ -13,7 +13,7 @@ from wrcd.errors import InputError
 from wrcd.recorder.state import StateMismatch, as_list, restore, whole
 from wrcd.recorder.state_file import StateEvent, read
 
-# Fields of the configuration that say where things lie and come from, not what is computed.
+# Fields of the configuration that say where things lie and come from, and what is odd there; not what is computed.
 PLACES = {
     "file",
     "interface",
@@ -24,6 +24,7 @@ PLACES = {
     "design_file",
     "design",
     "recorder",
+    "warnings",
 }
 
 

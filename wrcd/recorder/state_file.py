@@ -14,7 +14,7 @@ from wrcd import __version__
 from wrcd.checksum import checksum
 from wrcd.errors import InputError
 
-FORMAT = "wrcd-state/10"
+FORMAT = "wrcd-state/11"
 MAX_BYTES = 64 << 20
 
 

@@ -8,15 +8,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wrcd.bus.frame import id_text
-from wrcd.config.describe import order
 from wrcd.core.causes import Validity
-from wrcd.core.vocabulary import words_of
 from wrcd.logs.log_comparison import compare
 from wrcd.logs.story_events import VALID_PLACE
-from wrcd.logs.story_records import Event, Fall, Finding, Numbers, Series, Story, StoryAxle, at, total_s
+from wrcd.logs.story_records import Event, Fall, Finding, Numbers, Story, StoryAxle, at, total_s
 from wrcd.logs.truth import accuracy
 
 LEVELS = ("good", "note", "warning", "bad")
@@ -76,29 +73,7 @@ def facts(story: Story, against: Story | None) -> list[tuple[str, str]]:
         ("begin", _utc(story.begin_us)), ("duration", _duration((story.end_us - story.begin_us) / 1e6)),
         ("axles", ", ".join(str(a.number) for a in story.axles)), ("source", story.source),
         ("design", f"{story.config.design.name} {story.config.design.checksum[:12]}"),
-        *([("the train's advice", advice(story.advice))] if story.advice is not None else []),
     ]  # fmt: skip
-
-
-def advice(series: Series) -> str:
-    """Return what the train was advised, in a sentence: how often Valid, its lower end, the categories' shares."""
-    names = words_of("advice", "Validity")
-    valid = series.values["Validity"] == names.index(Validity.VALID.value)
-    low = series.values["DecelerationLow"][valid]
-    low = low[np.isfinite(low)]
-    text = f"Valid in {_share(valid)} of {len(valid)} frames"
-    if not len(low):
-        return text
-    text += f": lower end {low.min():.2f} to {low.max():.2f} m/s², median {np.median(low):.2f}"
-    if "Category" in series.values:
-        places = series.values["Category"][valid]
-        parts = [(name, places == place) for place, name in enumerate(words_of("advice", "Category"))]
-        text += "; " + ", ".join(f"{name} {_share(of)}" for name, of in parts if of.any())
-    return text
-
-
-def _share(flags: NDArray[np.bool_]) -> str:
-    return f"{100.0 * flags.mean():.0f} %"
 
 
 def _utc(time_us: int) -> str:
@@ -235,13 +210,10 @@ def configuration(story: Story) -> Mapping[str, Any]:
         ("slower than this there is no estimate", f"{c.min_speed_m_s:g} m/s"),
         ("NotAvailable after", f"{c.not_available_after_us / 1e3:g} ms"),
         ("torque is total", "yes" if c.torque_is_total else "no"),
-        *([("fusion", order(c))] if c.positions_m is not None else []),
     ]  # fmt: skip
     for a in c.axles:
-        messages = [o.message for o in (a.adhesion, a.detail, a.inputs, a.ahead) if o is not None]
+        messages = [o.message for o in (a.adhesion, a.detail, a.inputs) if o is not None]
         rows.append((f"axle {a.number}", ", ".join(messages)))
-    if c.advice is not None:
-        rows.append(("train", c.advice.output.message))
     for i in c.inputs:
         signal = f"{i.source.message}.{i.source.signal}, stale after {i.timeout_us / 1e3:g} ms"
         rows.append((f"input: {i.source.quantity.value[0]}", signal))

@@ -15,8 +15,6 @@ from wrcd.core.messages import Outgoing
 from wrcd.recorder.recorder import Recorder
 from wrcd.service.journal import CounterLog, log_line
 from wrcd.service.notify import Notifier
-from wrcd.service.reload import Reload
-from wrcd.service.reload_request import answer
 
 # The loop turns this long after the end of a tick with which frames are due, when its last frames have usually come in;
 # then at every tick until that one is closed. Between slots it pauses, for so long at the most: a kernel's default
@@ -45,11 +43,8 @@ def steady_us() -> int:
 
 
 class Daemon:
-    """Ties a link to the core. poll() waits and turns once; run() goes on until it is stopped.
-
-    With reload, SIGHUP reads the configuration again; without, it ends the daemon as SIGTERM does. write takes a line
-    of the log.
-    """
+    """Ties a link to the core. poll() waits and turns once; run() goes on until it is stopped. write takes a line of
+    the log."""
 
     def __init__(
         self,
@@ -58,7 +53,6 @@ class Daemon:
         notifier: Notifier | None = None,
         clock: Callable[[], int] = wall_us,
         steady: Callable[[], int] = steady_us,
-        reload: Reload | None = None,
         recorder: Recorder | None = None,
         write: Callable[[str], None] = log_line,
     ) -> None:
@@ -66,14 +60,13 @@ class Daemon:
         self._recorder = recorder
         core.health.link = link.health
         core.explains = False
-        self._reload = reload
         self._watch = CounterLog(core, link, write)
         self._notifier = notifier or Notifier({})
         self._clock, self._monotonic = clock, steady
         self._advanced_us = steady()  # the steady clock's time up to which the core was advanced
         self._offset_us = clock() - self._advanced_us  # of the wall clock from it
         self._period_us = round(core.config.design.tick_s * 1e6)
-        self._stop = self._hangup = False
+        self._stop = False
         self._turn_us, self._paused = self._next_turn()
         self._silent = 0  # ticks in a row that brought nothing
         self._slot_in_time = True  # whether the newest slot's frames still belonged to it
@@ -208,10 +201,12 @@ class Daemon:
         self.link.health.drops = 0  # an overflow before the start is no loss of the running daemon's
 
     def run(self) -> None:
-        """Until SIGTERM or SIGINT. However it ends, an exception included, the last frames say NotAvailable, and it is
-        off the bus before the recorder's dump is written: that takes seconds."""
-        for s in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGUSR1):
+        """Until SIGTERM, SIGINT or SIGHUP. However it ends, an exception included, the last frames say NotAvailable,
+        and it is off the bus before the recorder's dump is written: that takes seconds."""
+        for s in (signal.SIGTERM, signal.SIGINT, signal.SIGUSR1):
             signal.signal(s, self.on_signal)
+        if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:  # nohup: it outlives its terminal
+            signal.signal(signal.SIGHUP, self.on_signal)
         try:
             self.catch_up()
             self._go_on()
@@ -229,8 +224,6 @@ class Daemon:
         self._notifier.notify("READY=1")
         while not self._stop:
             self.poll()
-            if self._hangup and self._reload is not None:
-                self._read_again(self._reload)
 
     def _leave(self) -> None:
         """The last frames, and off the bus."""
@@ -242,21 +235,9 @@ class Daemon:
         finally:
             self.link.close()
 
-    def _read_again(self, reload: Reload) -> None:
-        """Between two turns: the next tick runs with the limits of the configuration as it is now."""
-        self._hangup = False
-        self._notifier.notify_reloading()
-        outcome = reload.read(self.core.config)
-        self.core.reconfigure(outcome.config)
-        log_line(outcome.line)
-        self._notifier.notify("READY=1")
-        answer(outcome.took, outcome.line)
-
     def on_signal(self, number: int, _frame: FrameType | None = None) -> None:
-        """Handle a signal: SIGHUP reloads where there is something to reload, SIGUSR1 asks for a dump, others stop."""
-        if number == signal.SIGHUP and self._reload is not None:
-            self._hangup = True
-        elif number == signal.SIGUSR1:
+        """Handle a signal: SIGUSR1 asks for a dump, others stop."""
+        if number == signal.SIGUSR1:
             if self._recorder is not None:
                 self._recorder.ask()
         else:

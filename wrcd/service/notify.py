@@ -1,9 +1,8 @@
-"""What the daemon asks of the system: memory that stays in RAM, and systemd's READY, RELOADING, WATCHDOG, STOPPING."""
+"""What the daemon asks of the system: memory that stays in RAM, and systemd's READY, WATCHDOG, STOPPING."""
 
 import ctypes
 import os
 import socket
-import time
 
 
 class Notifier:
@@ -28,10 +27,6 @@ class Notifier:
                 self._socket.sendto(state.encode(), self._address)
             except OSError:
                 pass
-
-    def notify_reloading(self) -> None:
-        """RELOADING=1, which systemd wants with the moment in the microseconds of its own clock; READY=1 ends it."""
-        self.notify(f"RELOADING=1\nMONOTONIC_USEC={time.monotonic_ns() // 1000}")
 
     def close(self) -> None:
         """Let go of the socket."""

@@ -10,7 +10,7 @@ from typing import Protocol
 
 from cantools.database.can import Message
 
-from sim_ecu.loop.drive_scenario import DriveScenario, Sanders
+from sim_ecu.loop.drive_scenario import DriveScenario
 from sim_ecu.loop.rig_messages import BRAKE, TRACTION, ProtectedFrames, driver_demand, rig_message
 from sim_ecu.physics.actuators import Actuators, Valve
 from sim_ecu.physics.wheelset import Wheelset
@@ -25,23 +25,17 @@ from wrcd.errors import InputError
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """A train of like wheelsets, as its controller has it; the mass per wheelset is M_v.
-
-    positions_m: where the axles stand along the train. sanders: None for a train without.
-    """
+    """A train of like wheelsets, as its controller has it; the mass per wheelset is M_v."""
 
     axles: tuple[int, ...]
     wheelset: Wheelset = field(default_factory=Wheelset)
     actuators: Actuators = field(default_factory=Actuators)
-    positions_m: tuple[float, ...] = ()
-    sanders: Sanders | None = None
 
     @classmethod
     def of(cls, scenario: DriveScenario) -> "Facts":
         """The facts of a scenario's train."""
         train = scenario.train
-        positions_m = tuple(a.position_m for a in train.axles)
-        return cls(tuple(scenario.axles), train.wheelset, scenario.actuators, positions_m, scenario.sanders)
+        return cls(tuple(scenario.axles), train.wheelset, scenario.actuators)
 
     @property
     def inertia_kg_m2(self) -> float:
@@ -62,12 +56,6 @@ class Facts:
     def full_brake_N_m(self) -> float:
         """What the driver demands of a wheelset at a brake share of 1, both brakes together."""
         return self.actuators.full_brake_N_m
-
-    @property
-    def full_brake_m_s2(self) -> float:
-        """The deceleration that full service gives where the rail bears it."""
-        w = self.wheelset
-        return self.full_brake_N_m / ((w.M_v + self.inertia_kg_m2 / w.r_0**2) * w.r_0)
 
     def demand_N_m(self, share: float, braking: bool) -> float:
         """|torque| that a share (0 ... 1) of the full effort demands of a wheelset."""

@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass
 from enum import Enum
 
-from sim_ecu.loop.control.adhesion_consumer import CYCLE_US, AdhesionReceiver, UsableAdhesion
+from sim_ecu.loop.control.adhesion_consumer import CYCLE_US, AdhesionReceiver
 
 PERIOD_S = CYCLE_US * 1e-6
 
@@ -72,8 +72,8 @@ class AdhesionLimit:
     unit_N_m: torque at the wheelset that takes an adhesion of 1, its own rotation included.
     """
 
-    def __init__(self, source: AdhesionReceiver, unit_N_m: float, constants: LimitConstants | None = None) -> None:
-        self._source, self._unit_N_m, self._c = source, unit_N_m, constants or LimitConstants()
+    def __init__(self, source: AdhesionReceiver, unit_N_m: float) -> None:
+        self._source, self._unit_N_m, self._c = source, unit_N_m, LimitConstants()
         self.limit_N_m: float | None = None
         self._carried_N_m: float | None = None  # what the estimate carries, its rises followed slowly
         self._used_us = 0  # when a frame was last used
@@ -88,10 +88,6 @@ class AdhesionLimit:
     def hear(self, can_id: int, data: bytes, stamp_us: int) -> None:
         """Take a frame from the bus."""
         self._source.hear(can_id, data, stamp_us)
-
-    def adhesion(self, now_us: int) -> UsableAdhesion | None:
-        """Return what the newest frame reports that may be used now; None: nothing."""
-        return self._source.adhesion(now_us)
 
     def limit(
         self, now_us: int, demand_N_m: float, given_N_m: float, creep: float, sliding: bool, braking: bool

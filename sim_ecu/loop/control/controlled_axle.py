@@ -37,11 +37,6 @@ class AxleCycle:
     most_N_m: float  # that the law may give: the driver's demand, or the adhesion's limit below it
     actual_N_m: float  # what the actuators are thought to give now
 
-    @property
-    def creep(self) -> float:
-        """Slip over speed."""
-        return self.slip_m_s / max(self.speed_m_s, 1.0)
-
 
 @dataclass(frozen=True, slots=True)
 class ThresholdConstants:
@@ -119,60 +114,6 @@ class Thresholds:
         return min(self._torque_N_m, seen.most_N_m)
 
 
-SLIDES = 2.0  # times the set point: the wheel counts as sliding; until it is back at the set point
-
-
-@dataclass(frozen=True, slots=True)
-class CreepConstants:
-    """Found by a search on training rides; see docs/explanation/slip-control.md."""
-
-    creep: float = 0.029  # set point
-    min_slip_m_s: float = 0.233  # the set point at low speed
-    kp_N_m: float = 560_000.0  # per unit of creep
-    ki_N_m_s: float = 2_300_000.0
-    kd_N_m_s2: float = 197.0  # per m/s2 of running away
-    room_N_m: float = 3700.0  # anti-windup: the integral is at most this above what the actuators give
-
-
-class CreepControl:
-    """The law of one axle."""
-
-    release: Release = Release(after_s=1.9, share=0.6)
-
-    def __init__(self, constants: CreepConstants | None = None) -> None:
-        self._c = constants or CreepConstants()
-        self._integral_N_m: float | None = None
-        self.sliding = False
-
-    def reset(self) -> None:
-        """Give what is demanded again."""
-        self._integral_N_m, self.sliding = None, False
-
-    def step(self, seen: AxleCycle) -> float:
-        """One cycle on."""
-        c = self._c
-        target = max(c.creep, c.min_slip_m_s / max(seen.speed_m_s, 1.0))
-        error = target - seen.creep
-        if seen.creep > SLIDES * target:
-            self.sliding = True
-        elif seen.creep < target:
-            self.sliding = False
-        if self._integral_N_m is None:  # the driver has all that is demanded, until the creep is too large
-            if error > 0.0:
-                return seen.most_N_m
-            self._integral_N_m = min(seen.actual_N_m, seen.most_N_m)
-        integral = self._integral_N_m + c.ki_N_m_s * error * seen.period_s
-        self._integral_N_m = max(min(integral, seen.actual_N_m + c.room_N_m), 0.0)
-        if self._integral_N_m >= seen.most_N_m and error > 0.0:
-            self._integral_N_m = None
-            return seen.most_N_m
-        torque = self._integral_N_m + c.kp_N_m * min(error, 0.0) - c.kd_N_m_s2 * max(seen.slide_m_s2, 0.0)
-        return min(max(torque, 0.0), seen.most_N_m)
-
-
-Law = Thresholds | CreepControl
-
-
 BAND_BAR = 0.08  # half of what a cycle of filling or venting changes at medium pressure
 
 
@@ -201,21 +142,18 @@ class Blending:
     def step(self, torque_N_m: float, share: float, braking: bool, speed_m_s: float | None) -> tuple[float, Valve]:
         """Drive torque (signed) and valve for a wanted amount of torque; share is the driver's.
 
-        More than the driver's share is asked of the drive alone. speed None: not known; all is demanded of the drive,
-        and what it is not allowed the actuators keep from it.
+        speed None: not known; all is demanded of the drive, and what it is not allowed the actuators keep from it.
         """
         if not braking:
             most = self._facts.actuators.drive.traction_N_m(speed_m_s or 0.0, self._facts.wheelset.r_0)
             self._follow(min(torque_N_m, most))
             return torque_N_m, self._set(Valve.FILL, 0.0)
         facts, pneumatics = self._facts, self._facts.actuators.pneumatics
-        shifted = torque_N_m > facts.demand_N_m(share, True)
-        electric_share = torque_N_m / facts.full_brake_N_m if shifted else share
         if speed_m_s is None:
             electric, demand_bar = torque_N_m, facts.actuators.demand_bar(share, 0.0)
         else:
             electric, demand_bar = (
-                facts.actuators.electric_N_m(electric_share, speed_m_s),
+                facts.actuators.electric_N_m(share, speed_m_s),
                 facts.actuators.demand_bar(share, speed_m_s),
             )
         target_bar = max(torque_N_m - electric, 0.0) / pneumatics.torque_per_bar_N_m
@@ -321,11 +259,11 @@ SLOPE_CYCLES = 3  # the wheel's acceleration is taken over so many: noise of 0.5
 class ControlledAxle:
     """One axle. inputs: its messages; given_N_m: |torque| demanded of its actuators in the cycle before."""
 
-    def __init__(self, number: int, facts: Facts, law: Law, limit: AdhesionLimit | None) -> None:
+    def __init__(self, number: int, facts: Facts, limit: AdhesionLimit | None) -> None:
         self.wheel = NewestFrame(rig_message(f"WheelSpeed_A{number}"))
         self.pressure = NewestFrame(rig_message(f"BrakePressure_A{number}"))
         self.channel = Channel(rig_message(f"Demand_A{number}"))
-        self.law, self.limit = law, limit
+        self.law, self.limit = Thresholds(), limit
         self.blending = Blending(facts, PERIOD_S)
         self.guard = Guard()
         self.given_N_m = 0.0

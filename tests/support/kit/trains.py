@@ -5,7 +5,6 @@ from pathlib import Path
 from wrcd import resources
 from wrcd.bus.dbc import Message, find_message, parse_dbc
 from wrcd.bus.signals import Output, OutputSignal
-from wrcd.config.config import packaged
 from wrcd.core.vocabulary import CONFIDENCES
 
 FD_DATA_ID = 0xBEEF
@@ -145,12 +144,6 @@ def twin_train(folder: Path) -> Path:
     (folder / "twin.dbc").write_text(f"{head}{bodies}\nBO_ {tail}{lines}", encoding="utf-8")
     (folder / "twin.toml").write_text(TWIN_HEAD + "".join(TWIN_AXLE.format(n=n) for n in range(1, 5)), encoding="utf-8")
     return folder / "twin.toml"
-
-
-def advised_train(folder: Path) -> Path:
-    """Two axles of the packaged DBC, and the train's advice."""
-    (folder / "advised.toml").write_text(f"{packaged(2)}[advice]\n", encoding="utf-8")
-    return folder / "advised.toml"
 
 
 def fd_message() -> tuple[Message, Output]:

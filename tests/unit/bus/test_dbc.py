@@ -14,7 +14,6 @@ from wrcd.bus.reasons import Reason
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import MAX_AXLES
 from wrcd.core.counts import State
-from wrcd.core.vocabulary import DROP_AHEAD
 from wrcd.estimator.estimator import Estimator
 from wrcd.estimator.native_estimator import CompiledEstimator
 
@@ -22,7 +21,6 @@ ROOT = Path(__file__).parents[3]
 MESSAGES = {
     "Adhesion_A{a}": (0x090, "WRCD", 20, 60, 8),
     "AdhesionDetail_A{a}": (0x0A0, "WRCD", 100, 300, 8),
-    "AdhesionAhead_A{a}": (0x0C0, "WRCD", 20, 60, 8),
     "InputHealth_A{a}": (0x0A8, "WRCD", 100, 300, 8),
     "YawRate_A{a}": (0x100, "IMU", 5, 15, 5),
     "LatAccel_A{a}": (0x110, "IMU", 5, 15, 5),
@@ -32,7 +30,6 @@ SINGLE = {
     "WrcdStatus": (0x0B0, "WRCD", 1000, 3000, 8),
     "WrcdRejects": (0x0B1, "WRCD", 1000, 3000, 8),
     "WrcdLink": (0x0B2, "WRCD", 1000, 3000, 8),
-    "AdhesionAdvice": (0x0B3, "WRCD", 200, 600, 8),
     "VehicleSpeed": (0x130, "TCU", 20, 60, 4),
 }
 AXLES = range(1, MAX_AXLES + 1)
@@ -53,15 +50,6 @@ SIGNALS = {
         "Surface": (56, 3, False, 1, None),
         "ContactState": (59, 2, False, 1, None),
         "Confidence": (61, 3, False, 1, None),
-    },
-    "AdhesionAdvice": {
-        "Validity": (12, 2, False, 1, None),
-        "Ahead": (14, 2, False, 1, None),
-        "Deceleration": (16, 8, False, 0.01, "m/s^2"),
-        "DecelerationLow": (24, 8, False, 0.01, "m/s^2"),
-        "Distance": (32, 8, False, 4, "m"),
-        "Age": (40, 8, False, 50, "ms"),
-        "Category": (48, 3, False, 1, None),
     },
 }
 
@@ -95,6 +83,13 @@ def test_signals_have_position_scale_and_unit(production: Database, name: str) -
     assert signals == SIGNALS[name]
 
 
+def test_ids_of_ended_messages_are_not_used_again(production: Database) -> None:
+    ended = {0x0B3, *range(0x0C1, 0x0C9)}
+    messages = [*production.messages, *load("sim_ecu.dbc").messages]
+    assert ended.isdisjoint(m.frame_id for m in messages)
+    assert ended.isdisjoint(attribute(m, "E2EDataId") for m in messages)
+
+
 def test_no_two_messages_share_an_id_or_a_data_id(production: Database) -> None:
     messages = [*production.messages, *load("sim_ecu.dbc").messages]
     assert len({m.frame_id for m in messages}) == len({m.name for m in messages}) == len(messages)
@@ -102,7 +97,7 @@ def test_no_two_messages_share_an_id_or_a_data_id(production: Database) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", [*MESSAGES, *(f"{own}_A{{a}}" for own in ("Demand", "WheelSpeed", "BrakePressure", "Sand", "SimTruth"))]
+    "name", [*MESSAGES, *(f"{own}_A{{a}}" for own in ("Demand", "WheelSpeed", "BrakePressure", "SimTruth"))]
 )
 def test_every_axle_has_the_same_messages(production: Database, name: str) -> None:
     """Down to comments, value tables and attributes; only ids and numbers differ."""
@@ -171,15 +166,15 @@ def test_labels_are_those_that_the_code_sends(production: Database) -> None:
     assert words(production, "WrcdLink", "LinkState") == set(get_args(LinkState))
 
 
-# What is in the rig's DBC for each wheelset: its base id. Controllers of the closed loop send and hear the first four
-RIGS_OWN = {"Demand": 0x140, "WheelSpeed": 0x150, "BrakePressure": 0x160, "Sand": 0x170, "SimTruth": 0x7A0}
+# What is in the rig's DBC for each wheelset: its base id. Controllers of the closed loop send and hear the first three
+RIGS_OWN = {"Demand": 0x140, "WheelSpeed": 0x150, "BrakePressure": 0x160, "SimTruth": 0x7A0}
 
 
 def test_truth_is_in_the_rigs_dbc_only(production: Database) -> None:
     truth = load("sim_ecu.dbc")
     assert {m.name: m.frame_id for m in truth.messages} == {
         f"{name}_A{a}": base + a for name, base in RIGS_OWN.items() for a in AXLES
-    } | {"DriverDemand": 0x131, "TrainPosition": 0x132, "DriverLever": 0x133}
+    } | {"DriverDemand": 0x131}
     slip = truth.get_message_by_name("SimTruth_A1").get_signal_by_name("Slip")
     assert (slip.start, slip.length, slip.is_signed, slip.scale) == (48, 16, True, 1e-5)
     assert not {m.name for m in truth.messages} & {m.name for m in production.messages}
@@ -188,15 +183,11 @@ def test_truth_is_in_the_rigs_dbc_only(production: Database) -> None:
 def test_the_loops_messages_have_their_layout_and_time_outs() -> None:
     rig = load("sim_ecu.dbc")
     layout = {
-        "Demand_A8": (6, 10, {"Torque": (16, 24, True, 0.01), "Valve": (40, 2, False, 1), "Shared": (42, 1, False, 1)}),
+        "Demand_A8": (6, 10, {"Torque": (16, 24, True, 0.01), "Valve": (40, 2, False, 1)}),
         "WheelSpeed_A8": (5, 10, {"WheelSpeed": (16, 24, True, 1e-4)}),
         "BrakePressure_A8": (4, 20, {"Pressure": (16, 16, False, 1e-3)}),
         "DriverDemand": (5, 20, {"Mode": (16, 2, False, 1), "Share": (24, 16, False, 1e-4)}),
-        "Sand_A8": (3, 50, {"Rate": (16, 8, False, 0.05)}),
-        "TrainPosition": (8, 50, {"Position": (16, 24, False, 0.01), "ToMark": (40, 20, True, 0.05)}),
-        "DriverLever": (5, 50, {"Share": (24, 16, True, 1e-4)}),
     }
-    cycles_to_wait = {"DriverLever": 4}
     for name, (length, cycle_ms, signals) in layout.items():
         m = rig.get_message_by_name(name)
         assert (m.length, m.cycle_time) == (length, cycle_ms)
@@ -204,21 +195,19 @@ def test_the_loops_messages_have_their_layout_and_time_outs() -> None:
         assert {n: (s.start, s.length, s.is_signed, s.scale) for n, s in own.items()} == signals
         for s in m.signals:
             assert s.dbc is not None
-            assert s.dbc.attributes["GenSigTimeoutTime"].value == cycles_to_wait.get(name, 3) * cycle_ms
+            assert s.dbc.attributes["GenSigTimeoutTime"].value == 3 * cycle_ms
     demand, driver = rig.get_message_by_name("Demand_A1"), rig.get_message_by_name("DriverDemand")
     assert dict(demand.get_signal_by_name("Valve").choices or {}) == {0: "Fill", 1: "Hold", 2: "Vent"}
     assert dict(driver.get_signal_by_name("Mode").choices or {}) == {0: "Coast", 1: "Traction", 2: "Brake"}
-    to_mark = rig.get_message_by_name("TrainPosition").get_signal_by_name("ToMark")
-    assert (to_mark.minimum, to_mark.maximum, dict(to_mark.choices or {})) == (-5000, 20000, {524287: "NotAvailable"})
 
 
 def test_every_cause_has_a_label_and_residuals_keep_their_range(production: Database) -> None:
     for a in AXLES:
         m = production.get_message_by_name(f"AdhesionDetail_A{a}")
         cause = m.get_signal_by_name("Cause")
-        labels = {int(c): c.label for c in Cause} | {31: DROP_AHEAD}  # the highest: causes come after one another
+        labels = {int(c): c.label for c in Cause}
         assert {int(k): str(v) for k, v in (cause.choices or {}).items()} == labels
-        assert max(labels) < 1 << cause.length
+        assert max(labels) < 31 < 1 << cause.length  # 31 had a meaning in earlier versions
         for k in range(1, 5):
             s = m.get_signal_by_name(f"Residual{k}")
             assert (s.length, s.scale, s.minimum, s.maximum) == (8, 0.4, -70, 31.6)

@@ -200,7 +200,7 @@ def test_third_party_train_is_mapped() -> None:
     assert "MuAvailable in Friction: not available 255" in lines
 
 
-def test_two_messages_of_one_identity_are_refused(folder: Path) -> None:
+def test_two_messages_of_one_identity_are_refused(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A DBC that says so is refused as a file; other formats are not looked through."""
 
     def doubled(path: Path, encoding: str | None = None) -> Database:
@@ -208,8 +208,10 @@ def test_two_messages_of_one_identity_are_refused(folder: Path) -> None:
         database.get_message_by_name("Drive").frame_id = 256
         return database
 
-    with pytest.raises(InputError, match="speed: Drive has the standard id 0x100, and so has Imu1"):
-        load_config(written(folder, []), doubled)
+    with monkeypatch.context() as patched:
+        patched.setattr("wrcd.config.config.load_dbc", doubled)
+        with pytest.raises(InputError, match="speed: Drive has the standard id 0x100, and so has Imu1"):
+            load_config(written(folder, []))
     with_extended = after('axle_load = "Extended.Load"')  # 0x100, too
     assert len(load_config(written(folder, [with_extended])).inputs) == 5
 

@@ -287,7 +287,7 @@ yaw_rate = { signal = "Imu1.Gyro", sign = 2 }
 cycle = 3
     2: dbc.file: mistake.dbc: no such DBC file — check the path
     9: axle[1].yaw_rate.sign: takes 1 or -1, not 2
-    12: axle[1].cycle: unknown key — known here: adhesion, ahead, axle_load, brake_torque, detail, inputs,
+    12: axle[1].cycle: unknown key — known here: adhesion, axle_load, brake_torque, detail, inputs,
         lateral_acceleration, number, torque, wheel_radius, yaw_rate
 """
 

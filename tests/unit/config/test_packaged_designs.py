@@ -7,7 +7,8 @@ from typing import Any
 import pytest
 
 from sim_ecu.cli.main import main as rig_main
-from sim_ecu.score.run_score import belonging
+from sim_ecu.resources import PAPER_DESIGN
+from sim_ecu.score.run_score import paper_form_of
 from tests.support.scenarios import LogOf, held
 from wrcd import resources
 from wrcd.checksum import checksum
@@ -136,13 +137,10 @@ def test_design_for_another_wheelset_than_the_configuration_states_is_refused_by
     assert "wheelset.name: is 'metro', but the design file" in capsys.readouterr().err
 
 
-def test_only_a_packaged_design_has_baselines_that_belong_to_it(tmp_path: Path) -> None:
-    for suffix in ("baselines.json", "paper.design.json"):
-        found = belonging(LONE_WHEELSET, suffix)
-        assert found is not None
-        assert found.name == f"lone-wheelset.{suffix}"
-        assert belonging(resources.DESIGNS / "none.design.json", suffix) is None
-        assert belonging(tmp_path / "lone-wheelset.design.json", suffix) is None
+def test_only_a_packaged_design_has_the_papers_form_beside_it(tmp_path: Path) -> None:
+    assert paper_form_of(LONE_WHEELSET) == PAPER_DESIGN
+    assert paper_form_of(resources.DESIGNS / "none.design.json") is None
+    assert paper_form_of(tmp_path / "lone-wheelset.design.json") is None
 
 
 def test_check_and_explain_print_the_worlds_of_a_design(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -35,10 +35,9 @@ class Listening:
         paused = time.monotonic()
         while not self._ends.is_set():
             message = self._bus.recv(0.01)
-            now_us = time.time_ns() // 1000
-            if message is not None:
-                self._consumer.hear(from_message(message, now_us))
-            self._limit = self._consumer.use(1, now_us).limit_pct
+            if message is not None:  # stamped when it was sent: by its own clock a late reader would begin anew
+                self._consumer.hear(from_message(message, round(message.timestamp * 1e6)))
+            self._limit = self._consumer.use(1, time.time_ns() // 1000).limit_pct
             if self._pause_s and time.monotonic() - paused > 0.35:
                 time.sleep(self._pause_s)
                 paused = time.monotonic()

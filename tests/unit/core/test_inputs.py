@@ -301,10 +301,10 @@ def test_speed_below_zero_is_a_train_in_reverse_where_no_direction_is_mapped(tmp
 def test_mapped_direction_counts_more_than_the_sign_of_the_speed(with_direction: Config) -> None:
     receiver = Receiver(with_direction.database, [i.source for i in with_direction.inputs])
     inputs = Inputs(with_direction, receiver.ends)
-    for quantity, value in ((Quantity.DIRECTION, 1.0), (Quantity.SPEED, -25.0)):
+    for quantity, value in ((Quantity.DIRECTION, 1.0), (Quantity.SPEED, -25.0), (Quantity.LAT_ACCEL, 0.5)):
         place = next(k for k, i in enumerate(with_direction.inputs) if i.source.quantity is quantity)
         inputs.accept(Sample(place, value, False, False), 0)
-    assert not inputs.reverse
+    assert 0.5 in inputs.close_tick(5_000).z  # in reverse it would be -0.5
 
 
 def test_wheelset_left_of_the_track_turns_clockwise() -> None:

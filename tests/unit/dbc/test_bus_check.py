@@ -13,7 +13,6 @@ from sim_ecu.cli.main import main as sim_ecu
 from sim_ecu.play.interface import open_bus
 from sim_ecu.play.play import RealTime
 from sim_ecu.play.scenario import read_scenario
-from tests.support.lone_wheelset import LONE
 from wrcd.cli.main import main
 from wrcd.config.config import packaged
 from wrcd.config.settings import parse_toml
@@ -66,7 +65,7 @@ def checked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Checked:
         else:
             spoken = ["--config", str(config)]
         given = [word for f in faults for word in ("--fault", f)]
-        assert sim_ecu(["inject" if faults else "play", str(file), *given, *spoken, "--fast", "--log", str(log)]) == 0
+        assert sim_ecu(["play", str(file), *given, *spoken, "--fast", "--log", str(log)]) == 0
         capsys.readouterr()
         status = main(["check", "--config", str(config), "--log", str(log)])
         return status, capsys.readouterr().out
@@ -104,31 +103,6 @@ def test_gyro_with_the_wrong_sign_is_named(checked: Checked) -> None:
     verdict = text.partition("worth a look")[0].partition("\n\n")[0]
     assert "would stop Valid" in verdict
     assert re.search(r"axle 1: GyroReversed in \d\d\.\d % .*YawRate_A1.YawRate", verdict)
-
-
-LONE_FOUR = packaged(4) + f'[estimator]\ndesign = "{LONE}"\n'
-
-
-def test_foreign_wheelset_is_named(checked: Checked) -> None:
-    """A lone one, for one in a bogie is not judged. Four times the yaw stiffness, four axles on a poor track at 40 m/s;
-    it stops no Valid, and 20 s are too few."""
-    rails = "".join(f'[axle.{k}]\nrail = [{{ curve = "{c}" }}]\n' for k, c in enumerate("BCED", 1))
-    scenario = (
-        'vehicle = "lone-wheelset"\nduration_s = 32\naxles = [1, 2, 3, 4]\nspeed_m_s = 40\ntrack = "poor"\n'
-        "drive = { utilisation = [[0, 0], [0.5, 0.45]] }\n[wheelset]\nk_w = 2.0e7\n" + rails
-    )
-    _, text = checked(scenario, config=LONE_FOUR)
-    look = text.partition("worth a look")[2].partition("\n\n")[0]
-    said = re.search(
-        r"wheelset: the signals of 3\d s fit a wheelset with (\S+) times .*k_w/I_w.* (\S+) times better", look
-    )
-    assert said is not None, text
-    assert 2.0 < float(said[1]) < 6.0
-    assert float(said[2]) > 100.0
-    assert "WheelsetUnlike" not in text
-    status, text = checked(scenario.replace("= 32", "= 20"), config=LONE_FOUR)
-    assert (status, text.splitlines()[0]) == (0, "fine: nothing would stop Valid")
-    assert "wheelset: the signals" not in text
 
 
 def test_failed_status_is_named_with_its_share(checked: Checked) -> None:

@@ -11,6 +11,7 @@ from wrcd.estimator import answer
 from wrcd.estimator.design import MODELS, Design, FloatArray, load_design
 from wrcd.estimator.estimator import Estimator, step_through
 from wrcd.estimator.records import Estimate, EstimateDoubt, Ticks
+from wrcd.estimator.signals.joints import HOLD_TICKS
 from wrcd.estimator.signals.noise import Offset
 from wrcd.estimator.trust.health import PairState
 from wrcd.recorder.state import capture, encode
@@ -224,11 +225,13 @@ def test_missing_channel_keeps_every_filter_stable(design: Design, missing: int,
 
 
 def test_tick_after_a_gap_stays_out_of_the_window(design: Design) -> None:
-    estimator, good, z = Estimator(design, 1), [], white(62)
-    z[50:52] = np.nan
+    """With the two ticks of the gap. Before tick 130 noise is taken for pulses now and then."""
+    estimator, live, z = Estimator(design, 1), [], white(180 + HOLD_TICKS)
+    z[150:152] = np.nan
     for k, row in enumerate(z):
-        good.append(bool(estimator.step(tick(k, row, 0.2)).in_window[0]))
-    assert good == [False] + [True] * 49 + [False] * 3 + [True] * 9
+        live.append(bool(estimator.step(tick(k, row, 0.2)).live[0]))
+    assert not live[0]  # nor does the very first one go in
+    assert live[130 + HOLD_TICKS :] == [True] * 20 + [False] * 3 + [True] * 27
 
 
 @pytest.mark.parametrize("judged", [True, False])

@@ -34,7 +34,7 @@ LARGE, LARGE_TO_RESIDUAL, TICKS, KEPT, ROUGH = 1000.0, 2e4, 100, 15, 1e-5
 # The rules' inputs: correlations of a window whose power is nearly all mean and slope are what is left of those sums
 # after both are taken off; of one in which nothing is live, and of which there is no estimate, even less is.
 CLOSE_INPUTS, CLOSE_WITHOUT_DATA = 1e-7, 1e-6
-MASKS = ("accepted", "outliers", "near_pulse", "in_window", "live", "calm", "needs_reset")
+MASKS = ("accepted", "outliers", "near_pulse", "live", "calm", "needs_reset")
 WHOLE = ("rule", "winner", "saturated", "contradicted", "doubt", "regime")
 designs_once = cache(designs)
 

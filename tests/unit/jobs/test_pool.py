@@ -10,9 +10,10 @@ from typing import Any
 
 import pytest
 
+from sim_ecu.jobs import pool
 from sim_ecu.jobs.pool import Ending, Stopped, Workers, limited, local, run
 from tests.support.processes import gone, wait_for
-from tests.support.trial_kind import figures, lines, meanwhile
+from tests.support.trial_kind import HANGS_S, figures, lines, meanwhile
 from wrcd.errors import InputError
 
 WAIT_S = 60.0
@@ -69,6 +70,16 @@ def test_worker_that_is_killed_loses_nothing(two: Workers, tmp_path: Path) -> No
     assert sorted(o.place for o in found) == list(range(6))
     assert {o.ending for o in found} == {Ending.DONE}
     assert len(lines(record)) == 7
+
+
+@pytest.mark.night
+def test_worker_that_dies_again_and_again_comes_back_each_time(tmp_path: Path) -> None:
+    """For longer than the 15 s after which Dask's own setting gives up one that is then not there."""
+    record = tmp_path / "record"
+    every = [{"x": 1.0, "seed": 3 * k, "act": "die", "record": str(record)} for k in range(15)]
+    with local(1) as workers:
+        assert [o.ending for o in run(figures, every, workers)] == [Ending.DIED] * 15
+    assert len(lines(record)) == 30
 
 
 def test_error_for_a_person_stands_without_its_class(two: Workers) -> None:
@@ -129,6 +140,14 @@ def test_workers_of_this_computer_listen_on_loopback_alone(two: Workers) -> None
     ]  # fmt: skip
     assert listening
     assert {fields[1].partition(":")[0] for fields in listening} == {"0100007F"}
+
+
+def test_workers_that_never_begin_are_not_waited_for_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pool, "BEGIN_S", 1.0)
+    with local(1) as workers:
+        workers.client.cluster.scale(0)
+        with pytest.raises(Stopped, match="no worker begins"):
+            list(run(time.sleep, [HANGS_S], workers))
 
 
 def test_workers_that_are_gone_are_lost() -> None:

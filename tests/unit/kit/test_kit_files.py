@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.kit.trains import advised_train, odd_train
+from tests.support.kit.trains import odd_train
 from tests.support.pages import ROOT
 from wrcd import __version__, resources
 from wrcd.cli.main import main
@@ -136,20 +136,5 @@ def test_fields_say_layout_scale_words_and_times_of_a_message(tmp_path: Path) ->
         "| Within8pp | 8 | `ADHESION_LIMIT_ABOVE`: only a demand above it | MuAvailable less 8, at least 0 |",
         "up to three of its frames are used",  # of a second sender just ahead; test_adhesion.c counts them
         "| Within5pp | 5 | `ADHESION_LIMIT_FOLLOW` | MuAvailable less 5, at least 0 |",
-    ):
-        assert row in page
-
-
-def test_advice_is_one_more_message_of_the_kit(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    kit(tmp_path / "kit", advised_train(tmp_path), False)
-    said = capsys.readouterr()
-    assert "receiver of Adhesion_A1, Adhesion_A2, AdhesionAdvice;" in said.out
-    assert said.err == ""
-    page = (tmp_path / "kit/fields.md").read_text()
-    for row in (
-        "## AdhesionAdvice: the train",
-        "| 0x0B3 | 11 bits | 8 | 200 ms | 600 ms | 0x00B3 |",
-        "| DecelerationLow | DecelerationLow | 24, 8 | Intel | unsigned | 0.01, 0 | 0 … 2.5 m/s² (raw 0 … 250) "
-        "| 255 NotAvailable; beyond the range: none |",
     ):
         assert row in page

@@ -12,7 +12,7 @@ from tests.support.can_ids import ADHESION_A1
 from tests.support.kit.building import COMPILERS, WARNINGS, build, make, needs_compiler, run, written
 from tests.support.kit.reading import Reading, Verdict, Why
 from tests.support.kit.streams import counted, disturbed, lines, made
-from tests.support.kit.trains import advised_train, fd_message, odd_train, twin_train
+from tests.support.kit.trains import fd_message, odd_train, twin_train
 from tests.support.pages import ROOT
 from wrcd.bus.frame import Frame
 from wrcd.cli.main import main
@@ -55,14 +55,13 @@ def known_frames(said: str) -> int:
     [
         (None, 80),
         ("odd", 40),
-        ("advised", 100),  # with the train's advice, whose frames keep to the same rules
         ("twin", 40),  # ids that differ in one bit or in their kind
         (ROOT / "examples/own-dbc/train.toml", 20),
         (ROOT / "tests/data/dbc/third-party.toml", 40),  # extended, Motorola
     ],
 )
 def test_kit_passes_its_tests(train: Path | str | None, known: int, tmp_path: Path) -> None:
-    made = {"odd": odd_train, "advised": advised_train, "twin": twin_train}
+    made = {"odd": odd_train, "twin": twin_train}
     folder = written(tmp_path / "kit", made[train](tmp_path) if isinstance(train, str) else train)
     assert known_frames(make(folder, "FRAMES=200000" if train == "twin" else "FRAMES=20000")) >= known
 

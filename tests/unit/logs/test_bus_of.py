@@ -167,14 +167,14 @@ def test_monitor_opens_what_the_environment_says(
     assert "wrcd: error: channel: CAN interface 'nosuchbus9' cannot be opened" in said
 
 
-@pytest.mark.parametrize("command", ["play", "inject", "demo"])
+@pytest.mark.parametrize("command", ["play", "demo"])
 def test_rig_plays_where_the_environment_says(
     canrc: Path, command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("CAN_CONFIG", json.dumps({"interface": "virtual", "channel": "told"}))
     scenario = tmp_path / "short.toml"
     scenario.write_text(held("A", 0.5))
-    more = {"inject": ["--fault", "crc:at=0.1,for=0.1,of=yaw_rate,axle=1"], "demo": ["-o", str(tmp_path)]}
+    more = {"play": ["--fault", "crc:at=0.1,for=0.1,of=yaw_rate,axle=1"], "demo": ["-o", str(tmp_path)]}
     named = ["--scenario", str(scenario)] if command == "demo" else [str(scenario)]
     with can.Bus("told", interface="virtual", ignore_config=True) as bus:
         sim_ecu([command, *named, *more.get(command, [])])

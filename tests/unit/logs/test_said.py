@@ -12,7 +12,7 @@ from wrcd.bus.codec import Value, Writer
 from wrcd.bus.dbc import find_message, load_dbc
 from wrcd.config.config import load_config
 from wrcd.core.configuration import Config
-from wrcd.core.vocabulary import DROP_AHEAD, MESSAGES, Numeric, Words
+from wrcd.core.vocabulary import MESSAGES, Numeric, Words
 from wrcd.logs.decoder import UNKNOWN, MessageDecoder, decoders, sent_messages
 
 ROOT = Path(__file__).parents[3]
@@ -94,16 +94,3 @@ def test_value_beyond_its_range_is_nan_and_an_unknown_word_is_told(config: Confi
 def test_no_frames_are_no_values(config: Config) -> None:
     for decoder in decoders(config):
         assert {len(column) for column in decoder.read(np.zeros((0, 8), np.uint8)).values()} <= {0}
-
-
-def test_extra_words_come_after_the_others_where_they_are_asked_for() -> None:
-    config = load_config(None)
-    usual, whole = ({s.name: s for s in decoders(config, extra=extra)}["AdhesionDetail_A2"] for extra in (False, True))
-    told = MESSAGES["detail"]["Cause"]
-    assert isinstance(told, Words)
-    writer = writer_of(config, usual)
-    frames = [writer.frame(0, 0, {**drawn("detail"), "Cause": word}).data for word in ("Harsh", DROP_AHEAD)]
-    data = np.array([list(f) for f in frames], np.uint8)
-    harsh = told.words.index("Harsh")
-    assert usual.read(data)["Cause"].tolist() == [harsh, UNKNOWN]
-    assert [(*told.words, *told.extra)[k] for k in whole.read(data)["Cause"].tolist()] == ["Harsh", DROP_AHEAD]

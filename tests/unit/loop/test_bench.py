@@ -172,7 +172,7 @@ def test_same_calls_give_the_same_numbers() -> None:
 def test_packaged_scenario_with_keys_keeps_the_rest() -> None:
     s = scenario("brake-wet", seed=9, duration_s=3.0)
     theirs = load_drive_scenario("brake-wet")
-    assert (s.train.duration_s, s.driver, s.known_before) == (3.0, theirs.driver, True)
+    assert (s.train.duration_s, s.driver) == (3.0, theirs.driver)
     assert s.train.axles[0].seed != theirs.train.axles[0].seed
 
 
@@ -184,8 +184,8 @@ def test_packaged_scenario_with_keys_keeps_the_rest() -> None:
         (lambda: scenario(rail="A", demand=2.0), "driver.demand: takes a number from -1 to 1, not 2"),
         (lambda: scenario(rail="A", demand=0.0, speed=3.0), "speed: unknown key"),
         (lambda: scenario(demand=0.0), "axle 1 has no rail"),
-        (lambda: Bench(WET, controller="creap"), "there is no controller 'creap' — did you mean 'creep'?"),
-        (lambda: Bench(WET, controller="creep", with_adhesion=True), "with_adhesion needs a daemon"),
+        (lambda: Bench(WET, controller="treshold"), "there is no controller 'treshold' — did you mean 'thresholds'?"),
+        (lambda: Bench(WET, controller="thresholds", with_adhesion=True), "with_adhesion needs a daemon"),
         (lambda: Bench(WET, daemon=True, with_adhesion=True), "with_adhesion is of a controller by name"),
         (lambda: Bench(WET, daemon="nowhere.toml"), "nowhere.toml: no such file"),
         (lambda: Bench(WET).demand(2, 0.0), "there is no axle 2 — axles: 1"),

@@ -1,14 +1,12 @@
 """The rig in real time, on a wire of the test's own and a clock that the test sets."""
 
 import re
-from dataclasses import replace
 
 import pytest
 
 from sim_ecu.loop.control.adhesion_consumer import Facts, Unprotected
-from sim_ecu.loop.control.sanding_policies import make_sanding
 from sim_ecu.loop.control.slip_controller import make_controller
-from sim_ecu.loop.drive_scenario import DriveScenario, Sanders
+from sim_ecu.loop.drive_scenario import DriveScenario
 from sim_ecu.loop.drive_session import MAX_LATE_US, DriveResult, counts, document, summary
 from sim_ecu.loop.lockstep import Lockstep
 from sim_ecu.loop.ride_figures import judge
@@ -175,15 +173,3 @@ def test_document_holds_figures_and_counts(wire: Wire) -> None:
     assert of["demand"][1]["silences"] == 0
     assert of["frames"] == len(wire.rig_link.sent)
     assert document(scenario(), DriveResult([], counts(wire.drive), Status.STOPPED))["over"] is False
-
-
-def test_sand_that_is_asked_for_on_the_bus_is_laid_and_told() -> None:
-    rides = replace(scenario(), sanders=Sanders((1,)))
-    facts = Facts.of(rides)
-    wire = Wire(rides, make_controller("thresholds", facts, sanding=make_sanding("at-slide", facts)))
-    wire.turns(3.0)
-    result = DriveResult(wire.drive.steps, counts(wire.drive), Status.STOPPED)
-    laid = document(rides, result)["sand_kg"][1]
-    assert 0.02 < laid == pytest.approx(sum(float(s.sand_kg[0]) for s in wire.drive.steps))
-    assert f"  sand      axle 1 {laid:.2f} kg, on each rail" in summary(rides, result)
-    assert "sand" not in "".join(ended(Wire(scenario(), Unprotected([1], rides.actuators))))

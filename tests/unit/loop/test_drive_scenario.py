@@ -9,13 +9,11 @@ import pytest
 from sim_ecu.loop.drive_scenario import (
     TABLES,
     DriveScenario,
-    Sanders,
     load_drive_scenario,
     read_drive_scenario,
 )
-from sim_ecu.physics.actuators import ASIDE, SWEPT, Actuators, Drive, Pneumatics, swept
+from sim_ecu.physics.actuators import Actuators, Drive, Pneumatics
 from sim_ecu.physics.cleaning import Cleaning
-from sim_ecu.physics.sanding import Sand, Sander
 from sim_ecu.play.scenario import TO_DRIVE, packaged
 from sim_ecu.play.scenario_keys import Measure
 from wrcd.config.settings import parse_toml
@@ -28,7 +26,6 @@ WITH = {
     "driver": RAIL + "[driver]\ndemand = 0\n@\n",
     "axle.N": RAIL + DRIVER + "[axle.1]\n@\n",
     **{name: RAIL + DRIVER + f"[{name}]\n@\n" for name in TABLES if name.startswith(("actuators", "cleaning"))},
-    "sanders": RAIL + DRIVER + "[sanders]\naxles = [1]\n@\n",
 }
 ONLY_IF_THERE = {"": {"axles", "track", "sensors"}, "axle.N": {"rail", "track", "sensors"}}
 
@@ -59,51 +56,33 @@ def test_declared_range_is_the_parsers(table: str, key: Measure) -> None:
         assert expected in mistake(WITH[table].replace("@", f"{key.name} = {value!r}"))
 
 
-def test_every_constant_of_the_actuators_has_a_key_and_a_sweep() -> None:
+def test_every_constant_of_actuators_and_cleaning_has_a_key() -> None:
     constants = {f.name for kind in (Drive, Pneumatics) for f in fields(kind)} | {"full_brake_N_m"}
     declared = {k.name for t in ("actuators", "actuators.drive", "actuators.pneumatics") for k in TABLES[t]}
-    assert declared - {"drive", "pneumatics"} == constants == set(SWEPT)
+    assert declared - {"drive", "pneumatics"} == constants
     assert {k.name for k in TABLES["cleaning"]} == {f.name for f in fields(Cleaning)}
-    assert {k.name for k in TABLES["sanders"]} == {f.name for kind in (Sander, Sand) for f in fields(kind)} | {"axles"}
-
-
-def test_swept_actuators_are_drawn_within_the_stated_ranges() -> None:
-    drawn = [swept(np.random.default_rng(seed)) for seed in range(50)]
-    assert drawn[0] == swept(np.random.default_rng(0))
-    with_others, aside = np.random.default_rng(0), np.random.default_rng(0)
-    swept(with_others)
-    aside.uniform(size=len(SWEPT) - len(ASIDE))
-    assert with_others.uniform() == aside.uniform()  # rides of a seed stay what the controllers were tuned on
-    for name, (low, high) in SWEPT.items():
-        values = [getattr(part, name) for a in drawn for part in (a, a.drive, a.pneumatics) if hasattr(part, name)]
-        assert len(set(values)) == 50
-        assert low <= min(values) < max(values) <= high
-    assert all(a.pneumatics.max_bar * a.pneumatics.torque_per_bar_N_m >= a.full_brake_N_m for a in drawn)
 
 
 def test_defaults_are_those_of_a_scenario_from_python() -> None:
     s = read(RAIL + DRIVER)
     assert s == DriveScenario(s.train, s.driver)
-    assert (s.actuators, s.cleaning, s.sanders, s.known_before, s.stop_m_s) == (Actuators(), None, None, False, 3.0)
-    assert read(RAIL + DRIVER + "[sanders]\naxles = [1]\n").sanders == Sanders((1,))
+    assert (s.actuators, s.cleaning, s.stop_m_s) == (Actuators(), None, 3.0)
     assert s.driver.at(np.array([0.0, 9.0])).tolist() == [-1.0, -1.0]
 
 
 def test_what_is_given_is_what_runs() -> None:
     s = read(
-        "axles = [2, 3]\nspeed_m_s = 12\nknown_before = true\nstop_m_s = 0.5\nspeed_of_wrcd = 'wheels'\n"
+        "axles = [2, 3]\nspeed_m_s = 12\nstop_m_s = 0.5\nspeed_of_wrcd = 'wheels'\n"
         + RAIL
         + "[driver]\ndemand = [[0, 0.1], [5, 0.1], [5, -1]]\n"
         "[actuators]\nfull_brake_N_m = 18e3\n[actuators.drive]\nlag_s = 0.1\n[actuators.pneumatics]\nfill_s = 0.4\n"
         "[cleaning]\nenergy_kJ_m = 4\n"
-        "[sanders]\naxles = [3]\nmax_kg_min = 4\ndelay_s = 1\nstock_kg = 2\nsand_g_m = 3\nkept = 0.5\n"
     )
     assert s.axles == [2, 3]
     assert s.driver.at(np.array([4.9, 5.1])).tolist() == [0.1, -1.0]
     assert s.actuators == Actuators(replace(Drive(), lag_s=0.1), replace(Pneumatics(), fill_s=0.4), 18e3)
     assert s.cleaning == Cleaning(energy_kJ_m=4.0)
-    assert s.sanders == Sanders((3,), Sander(4.0, 1.0, 2.0), Sand(3.0, kept=0.5))
-    assert (s.known_before, s.stop_m_s, s.speed_of_wrcd) == (True, 0.5, "wheels")
+    assert (s.stop_m_s, s.speed_of_wrcd) == (0.5, "wheels")
 
 
 @pytest.mark.parametrize(
@@ -116,15 +95,6 @@ def test_what_is_given_is_what_runs() -> None:
         (RAIL + DRIVER + "[drive]\ntorque_N_m = 0\n", "drive: is of a scenario to play — the driver asks by [driver]"),
         ("hold_speed = true\n" + RAIL + DRIVER, "hold_speed: is of a scenario to play"),
         (RAIL + DRIVER + "[axle.1.drive]\ntorque_N_m = 0\n", "axle.1.drive: unknown key"),
-        (
-            RAIL + DRIVER + "[sanders]\nkept = 0.5\n",
-            "sanders.axles: is missing — write the axles that have one, e.g. axles",
-        ),
-        (
-            RAIL + DRIVER + "[sanders]\naxles = [2]\n",
-            "sanders.axles: takes a list of the scenario's axles [1], not [2]",
-        ),
-        (RAIL + DRIVER + "[sanders]\naxles = [1, 1]\n", "sanders.axles: [1, 1] names an axle twice"),
         ("speed_of_wrcd = 'radar'\n" + RAIL + DRIVER, "speed_of_wrcd: is 'radar', not one of ground, wheels"),
     ],
 )
@@ -140,7 +110,7 @@ def test_packaged_scenarios_load_and_those_known_before_begin_with_five_quiet_se
     for name in packaged(TO_DRIVE):
         s = load_drive_scenario(name)
         assert s.train.name == name
-        if s.known_before:
+        if name in ("brake-greasy", "brake-wet", "emergency-greasy", "emergency-wet"):
             assert np.abs(s.driver.at(np.linspace(0.0, 4.99, 50))).tolist() == [0.05] * 50
             assert abs(float(s.driver.at(np.array([5.01]))[0])) == 1.0
 
@@ -157,4 +127,4 @@ def test_unknown_name_is_refused_with_what_there_is(tmp_path: Path) -> None:
 def test_scenario_of_the_page_is_one() -> None:
     page = (ROOT / "docs/reference/scenario.md").read_text()
     s = read(page.partition("<!-- file: stop.toml -->\n```toml\n")[2].partition("```")[0])
-    assert (s.actuators.full_brake_N_m, s.actuators.pneumatics.fill_s, s.known_before) == (20e3, 0.4, True)
+    assert (s.actuators.full_brake_N_m, s.actuators.pneumatics.fill_s) == (20e3, 0.4)

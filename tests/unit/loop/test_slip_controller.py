@@ -7,21 +7,20 @@ import pytest
 
 from sim_ecu.loop.control.adhesion_consumer import Facts
 from sim_ecu.loop.control.control_on_bus import ProtectionWatch
-from sim_ecu.loop.control.slip_controller import SlipController, make_controller
+from sim_ecu.loop.control.slip_controller import NAMES, SlipController, make_controller
 from sim_ecu.loop.drive_scenario import DriveScenario, load_drive_scenario
 from sim_ecu.loop.lockstep import Lockstep
 from sim_ecu.loop.rig import LOOP, Rig, Step
 from sim_ecu.loop.rig_messages import BRAKE, TRACTION, NewestFrame, rig_message
-from sim_ecu.loop.suites import cases
 from sim_ecu.physics.actuators import Actuators, Drive
 from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.encoder import Channel, Sent
 from sim_ecu.play.scenario import Course
+from tests.support.stops import low_stop
 from wrcd.config.config import load_packaged
 from wrcd.estimator.trust.health import PairState
 from wrcd.resources import LONE
 
-LAWS = ["thresholds", "creep"]
 FACTS = Facts((1, 2), Wheelset(), Actuators())
 SPEED = 20.0
 
@@ -59,7 +58,7 @@ def decoded(frame: Sent) -> dict[str, float]:
     return heard.values
 
 
-@pytest.mark.parametrize("law", ["none", *LAWS])
+@pytest.mark.parametrize("law", NAMES)
 def test_driver_not_heard_yet_nothing_is_demanded(law: str) -> None:
     bench = Bench(law, BRAKE)
     assert bench.go(20, without="DriverDemand") == []
@@ -83,7 +82,7 @@ def test_driver_silent_or_of_unknown_mode_ends_traction_and_a_brake_stays(
 
 @pytest.mark.parametrize(("mode", "silent"), [(TRACTION, 0.0), (BRAKE, -11_000.0)])
 def test_wheel_silent_its_axle_pulls_no_more_and_brakes_as_asked(mode: int, silent: float) -> None:
-    bench = Bench("creep", mode)
+    bench = Bench("thresholds", mode)
     heard = bench.go(50)[1]["Torque"]
     first, second = bench.go(20, without="WheelSpeed_A1")
     assert (first["Torque"], second["Torque"]) == (silent, heard)
@@ -105,26 +104,23 @@ def unprotected_stop() -> float:
     return steps_of("none", greasy(Actuators()))[-1].distance_m
 
 
-@pytest.mark.parametrize(
-    ("law", "max_brake"), [("thresholds", 25_000.0), ("thresholds", 0.0), ("creep", 10_000.0), ("creep", 0.0)]
-)
+@pytest.mark.parametrize("max_brake", [25_000.0, 10_000.0, 0.0])
 def test_greasy_stop_is_a_fifth_shorter_than_unprotected_and_no_wheel_locks(
-    law: str, max_brake: float, unprotected_stop: float
+    max_brake: float, unprotected_stop: float
 ) -> None:
     scenario = greasy(Actuators(Drive(max_brake_N_m=max_brake)))
-    steps = steps_of(law, scenario)
+    steps = steps_of("thresholds", scenario)
     assert steps[-1].speed_m_s < scenario.stop_m_s
     assert steps[-1].distance_m < 0.8 * unprotected_stop
     assert all(s.wheel_m_s.min() > 0.5 * s.speed_m_s for s in steps)
 
 
-@pytest.mark.parametrize("law", LAWS)
-def test_start_on_leaf_film_gains_speed_without_spinning(law: str) -> None:
+def test_start_on_leaf_film_gains_speed_without_spinning() -> None:
     packaged = load_drive_scenario("traction-leaf-patch")
     scenario = replace(
         packaged, train=replace(packaged.train, duration_s=7.0), driver=Course((0.0, 1.0, 1.5), (0.0, 0.0, 0.8))
     )
-    bare, without = steps_of(law, scenario), steps_of("none", scenario)
+    bare, without = steps_of("thresholds", scenario), steps_of("none", scenario)
     slip, spin = (max(float(s.slip_m_s.max()) for s in steps) for steps in (bare, without))
     assert slip < 0.2 * spin
     energy, wasted = (sum(float(s.slip_energy_J.sum()) for s in steps) for steps in (bare, without))
@@ -158,11 +154,11 @@ def steps_away(
     return steps
 
 
-@pytest.mark.parametrize(("law", "away_s"), [("thresholds", (1.0, 7.0)), ("creep", (0.0, 2.0))])
+@pytest.mark.parametrize("away_s", [(1.0, 7.0), (0.0, 2.0)])
 def test_locked_wheel_at_start_or_after_silence_rolls_again(
-    scenario: DriveScenario, law: str, away_s: tuple[float, float]
+    scenario: DriveScenario, away_s: tuple[float, float]
 ) -> None:
-    controller = make_controller(law, Facts.of(scenario))
+    controller = make_controller("thresholds", Facts.of(scenario))
     assert isinstance(controller, SlipController)
     steps = steps_away(scenario, controller, away_s, away_s[1] + 4.0)
     back = next(s for s in steps if s.due_us >= away_s[1] * 1e6)
@@ -176,8 +172,7 @@ def test_locked_wheel_at_start_or_after_silence_rolls_again(
 
 def test_sound_pair_of_a_slow_stop_on_low_rail_is_not_called_reversed() -> None:
     """Below 10 m/s it goes together no more than it goes against each other."""
-    (case,) = cases("braking", "low, known before")
-    low, daemon = case.scenario(0), load_packaged(1, design=LONE)
+    low, daemon = low_stop(), load_packaged(1, design=LONE)
     run = Lockstep(low, make_controller("thresholds", Facts.of(low), daemon), daemon)
     assert run.core is not None
     states = {PairState(run.core.estimator.health.state[0]) for _ in run}

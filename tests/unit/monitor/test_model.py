@@ -10,8 +10,7 @@ from tests.support.daemon_frames import DEGRADED, GOOD, NOTHING, REACHED, START_
 from wrcd.bus.dbc import find_message, load_dbc
 from wrcd.bus.frame import Frame
 from wrcd.bus.writers import Writer
-from wrcd.config.config import load_config, load_packaged
-from wrcd.core.advice import NO_ADVICE, Advice
+from wrcd.config.config import load_config
 from wrcd.core.configuration import Config
 from wrcd.errors import InputError
 from wrcd.logs.story_events import of_frames
@@ -93,29 +92,6 @@ def test_daemon_with_another_design_is_named(config: Config, made: DaemonFrames)
     now = daemon_at(model, model.now_us)
     assert now.level == "warn"
     assert now.parts[0].startswith("runs another design (0001, here ")
-
-
-@pytest.mark.parametrize(
-    ("advice", "said"),
-    [
-        (Advice("Valid", 1.52, 1.11, 80.0, "DryMedium", 0.0), "advice ≥ 1.11 m/s² (1.52), DryMedium"),
-        (
-            Advice("Degraded", 1.52, 0.3, 80.0, "VeryLow", 400.0, "Confirmed"),
-            "advice Degraded, ≥ 0.30 m/s² (1.52), VeryLow, 400 ms old, drop ahead Confirmed",
-        ),
-        (NO_ADVICE, "advice NotAvailable"),
-    ],
-    ids=["valid", "degraded", "none"],
-)
-def test_trains_advice_is_told_while_it_is_fresh(advice: Advice, said: str) -> None:
-    config = load_packaged(1, advice=True)
-    made = DaemonFrames(config)
-    assert config.advice is not None
-    frame = made.frame(config.advice.output, 400_000, advice.values())
-    model = fed(BusModel(config), [*made.stretch(20_000, 400_000, GOOD), frame])
-    assert said in daemon_at(model, model.now_us).parts
-    late = fed(model, made.stretch(420_000, 1_400_000, GOOD))
-    assert not any("advice" in part for part in daemon_at(late, late.now_us).parts)
 
 
 @pytest.mark.parametrize(

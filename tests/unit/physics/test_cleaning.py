@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
-from sim_ecu.physics.cleaning import Cleaning
+from sim_ecu.physics.cleaning import CELL_M, CleanedRail, Cleaning
 from sim_ecu.physics.contact import CURVES, curve_between, peak
 from sim_ecu.physics.rail import rail_at, rail_table
 from sim_ecu.physics.simulation import Axle, Simulation
 from sim_ecu.physics.track import QUALITY, Track
-from sim_ecu.physics.treated_rail import CELL_M, TreatedRail
 from sim_ecu.physics.wheelset import MU_AVAILABLE, MU_USED, FloatArray, Wheelset
 
 W = Wheelset()
@@ -39,8 +38,8 @@ def test_energy_moves_a_place_from_contaminated_to_clean_and_never_back() -> Non
 
 def test_cleaned_place_has_the_curve_of_the_family() -> None:
     rail = rail_table([(0.0, CURVES["D"], 0.001, 0.02)])
-    cleaned = TreatedRail([CLEANING], [rail, rail], [0.0, -2.5])
-    cleaned.add(CLEANING, np.array([6.0, 0.0]), 10.0, 11.0)  # 6 kJ/m
+    cleaned = CleanedRail(CLEANING, [rail, rail], [0.0, -2.5])
+    cleaned.add(np.array([6.0, 0.0]), 10.0, 11.0)  # 6 kJ/m
     first, second = cleaned.tables(13.0, 0.1)
     assert first is rail
     row = rail_at(second, 10.5)
@@ -51,14 +50,14 @@ def test_cleaned_place_has_the_curve_of_the_family() -> None:
 
 def test_energy_is_kept_wherever_it_falls() -> None:
     rail = rail_table([(0.0, CURVES["D"], 0.0, 0.0)])
-    cleaned = TreatedRail([CLEANING], [rail, rail], [0.0, -2.5])
+    cleaned = CleanedRail(CLEANING, [rail, rail], [0.0, -2.5])
     rng = np.random.default_rng(1)
     at, total = 0.0, 0.0
     for step in rng.uniform(0.0, 2.0, 2000):
-        cleaned.add(CLEANING, np.array([3.0, 5.0]), at, at + step)
+        cleaned.add(np.array([3.0, 5.0]), at, at + step)
         at, total = at + step, total + 8.0
     assert at > 2 * 1024 * CELL_M * 0.9  # beyond what is made at once
-    assert cleaned.total(CLEANING) == pytest.approx(total)
+    assert float(cleaned._energy_kJ.sum()) == pytest.approx(total)
 
 
 def test_followers_find_more_on_a_leaf_patch_and_the_first_axle_does_not() -> None:

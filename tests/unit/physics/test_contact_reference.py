@@ -1,4 +1,4 @@
-"""The contact law against exact theory, against a locomotive's curves, and what `sim-ecu contact` does with bad cases.
+"""The contact law against exact theory, against a locomotive's curves, and what it makes of bad cases.
 
 CONTACT gives the force on the upper body, against the creepage; ours points along it. Hence the minus signs.
 """
@@ -15,15 +15,15 @@ from sim_ecu.physics.contact import (
     Contact,
     CreepCurve,
     contact,
+    creep_force,
     kalker_c11,
     traction_ratio,
 )
 from sim_ecu.physics.wheelset import FloatArray
-from sim_ecu.score.contact_table import COLUMNS, RESULTS, creep_force, run
-from wrcd.errors import InputError
 
 DATA = Path(__file__).parents[2] / "data"
 CASES = DATA / "contact_no_spin.csv"
+RESULTS = ("Fx_over_muN", "Fy_over_muN")
 MEAN, LARGEST = 0.027, 0.11  # vector error over mu N that exact theory leaves to Polach's law
 
 # The locomotive: 10 m/s. k_A and k_S were fitted once, to the smallest largest error from 0.5 % creep on: 0.0125
@@ -39,8 +39,14 @@ def rows(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(f))
 
 
-def table(text: str) -> list[dict[str, str]]:
-    return list(csv.DictReader(text.splitlines()))
+def cases() -> list[dict[str, float]]:
+    """Each row of the table as a case."""
+    return [{name: float(cell) for name, cell in row.items() if name not in RESULTS} for row in rows(CASES)]
+
+
+def exact() -> FloatArray:
+    """What CONTACT makes of them (cases, 2)."""
+    return np.array([[float(row[name]) for name in RESULTS] for row in rows(CASES)])
 
 
 def locomotive() -> Contact:
@@ -58,29 +64,23 @@ def series(name: str) -> tuple[FloatArray, FloatArray]:
     return np.array([float(r["creep_x"]) for r in found]), np.array([float(r["Fx_over_N"]) for r in found])
 
 
-def test_the_command_stays_within_the_bands_of_exact_theory(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(CASES) == 0
-    found, exact = table(capsys.readouterr().out), rows(CASES)
-    assert list(found[0]) == [*COLUMNS, *RESULTS] == list(exact[0])
-    assert len(found) == len(exact) == 385
-    assert all(f[name] == e[name] for f, e in zip(found, exact, strict=True) for name in COLUMNS)
-    force, theirs = (np.array([[float(r[name]) for name in RESULTS] for r in which]) for which in (found, exact))
-    error = np.hypot(*(force + theirs).T)
+def test_every_case_stays_within_the_bands_of_exact_theory() -> None:
+    force = np.array([creep_force(**case) for case in cases()])
+    error = np.hypot(*(force + exact()).T)
     print(f"vector error over mu N: mean {error.mean():.4f}, max {error.max():.4f}")
+    assert len(force) == 385
     assert error.mean() <= MEAN
     assert error.max() <= LARGEST
-    creep = np.array([[float(r["creep_x"]), float(r["creep_y"])] for r in found])
+    creep = np.array([[case["creep_x"], case["creep_y"]] for case in cases()])
     assert ((force * creep).sum(axis=1) > 0).all()
     assert (np.hypot(*force.T) <= 1.0 + 1e-6).all()
 
 
-def test_the_bands_would_show_a_mistake(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_bands_would_show_a_mistake() -> None:
     """Kalker's slope off by a third, or a sign, is outside."""
-    exact = np.array([[float(r[name]) for name in RESULTS] for r in rows(CASES)])
-    run(CASES, k_A=0.67, k_S=0.67)
-    force = np.array([[float(r[name]) for name in RESULTS] for r in table(capsys.readouterr().out)])
-    assert np.hypot(*(force + exact).T).max() > LARGEST
-    assert np.hypot(*(force - exact).T).mean() > 1.0
+    force = np.array([creep_force(**case, k_A=0.67, k_S=0.67) for case in cases()])
+    assert np.hypot(*(force + exact()).T).max() > LARGEST
+    assert np.hypot(*(force - exact()).T).mean() > 1.0
 
 
 def test_no_creep_no_force() -> None:
@@ -135,65 +135,15 @@ def test_the_locomotives_measured_adhesion() -> None:
     assert np.mean(points) >= 0.88
 
 
-GOOD = {
-    "a_over_b": "0.5", "semi_axis_a_mm": "6", "semi_axis_b_mm": "12", "normal_load_N": "82000",
-    "shear_modulus_MPa": "82000", "poisson": "0.28", "friction": "0.3", "creep_x": "1e-3", "creep_y": "0",
-}  # fmt: skip
-
-
-def text(*cases: dict[str, str], without: str = "", extra: str = "") -> str:
-    names = [n for n in GOOD if n != without] + ([extra] if extra else [])
-    return "\n".join([",".join(names), *(",".join(c.get(n, "extra") for n in names) for c in cases)]) + "\n"
-
-
-def test_result_table_leaves_out_columns_that_are_not_needed(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / "cases.csv"
-    path.write_text(text(GOOD, GOOD, extra="remark") + "\n")
-    assert run(path) == 0
-    found = table(capsys.readouterr().out)
-    assert len(found) == 2
-    assert list(found[0]) == [*COLUMNS, *RESULTS]
-    assert found[0]["creep_x"] == "1e-3"
-    assert 0.5 < float(found[0]["Fx_over_muN"]) < 1.0
-    assert found[0]["Fy_over_muN"] == "0.000000"
-
-
-BAD = {
-    "a column is missing": (text(GOOD, without="creep_y"), ":1: creep_y: this column is missing"),
-    "a column has another name": (text(GOOD, without="friction", extra="frictoin"), "is it the column 'frictoin'?"),
-    "no number": (text(GOOD, GOOD | {"creep_x": "1;0"}), ":3: creep_x: '1;0' is not a number"),
-    "nothing": (text(GOOD | {"friction": ""}), ":2: friction: '' is not a number"),
-    "not finite": (text(GOOD | {"normal_load_N": "nan"}), ":2: normal_load_N: takes a number from 1 to 1e+08, not nan"),
-    "a negative axis": (text(GOOD, GOOD, GOOD | {"semi_axis_a_mm": "-6"}), ":4: semi_axis_a_mm: takes a number from"),
-    "an axis of zero": (text(GOOD | {"semi_axis_b_mm": "0"}), ":2: semi_axis_b_mm: takes a number from 0.001"),
-    "other axes": (text(GOOD | {"a_over_b": "2"}), ":2: a_over_b: is 2, but the semi-axes make it 0.5 — correct"),
-    "beyond Kalker's table": (text(GOOD | {"a_over_b": "12"}), ":2: a_over_b: takes a number from 0.1 to 10, not 12"),
-    "a short row": (text(GOOD) + "0.5,6\n", ":3: semi_axis_b_mm: 2 cells under a header of 9"),
-    "no case": (text(), "has no case"),
-    "an empty file": ("", ":1: a_over_b: this column is missing"),
-}
-
-
-@pytest.mark.parametrize("case", BAD)
-def test_bad_cases_are_named(tmp_path: Path, case: str, capsys: pytest.CaptureFixture[str]) -> None:
-    path = tmp_path / "cases.csv"
-    content, message = BAD[case]
-    path.write_text(content)
-    with pytest.raises(InputError) as caught:
-        run(path)
-    assert str(caught.value).startswith(f"{path}:")
-    assert message in str(caught.value)
-    assert " — " in str(caught.value)
-    assert capsys.readouterr().out == ""
-
-
-def test_missing_or_damaged_reference_csv_is_an_error(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no such file"):
-        run(tmp_path / "none.csv")
-    (tmp_path / "binary.csv").write_bytes(b"\xff\xfe\x00\x81")
-    with pytest.raises(InputError, match="cannot be read"):
-        run(tmp_path / "binary.csv")
-    with pytest.raises(InputError, match="k_A: takes a number above 0"):
-        run(CASES, k_A=0.0)
+@pytest.mark.parametrize(
+    ("key", "value", "named"),
+    [
+        ("a_over_b", 2.0, "a_over_b is 2, but"), ("a_over_b", 12.0, "beyond Kalker's table"),
+        ("a_over_b", np.nan, "beyond Kalker's table"), ("semi_axis_a_mm", -6.0, "axes"),
+        ("semi_axis_b_mm", 0.0, "axes"), ("normal_load_N", np.nan, "load"), ("shear_modulus_MPa", np.inf, "shear"),
+        ("friction", 0.0, "friction"), ("k_A", 0.0, "k_A"),
+    ],
+)  # fmt: skip
+def test_case_that_is_none_is_an_error(key: str, value: float, named: str) -> None:
+    with pytest.raises(ValueError, match=named):
+        creep_force(**cases()[0] | {key: value})

@@ -51,9 +51,10 @@ def test_the_demo_shows_the_estimate_and_leaves_log_picture_and_report(
     )  # fmt: skip
     assert legend < first
     assert values.count(" s A1 |") >= 5
-    assert " Valid " in values
-    assert "axle 1: NotAvailable: the window is not full yet" in values
-    assert "axle 1: Valid, after 1." in values
+    assert any(x.endswith(" Valid") for x in lines)
+    assert "axle 1: NotAvailable: " in values
+    assert "axle 1: Valid" in values
+    assert max(len(x) for x in lines if " s A1 |" in x) <= 80
     assert "log      out/fall.log" in values
     assert "picture  out/fall.png" in values
     assert "out/fall.html: " in values
@@ -61,7 +62,6 @@ def test_the_demo_shows_the_estimate_and_leaves_log_picture_and_report(
     assert "wrcd report" in (tmp_path / "out/fall.html").read_text()
     assert (tmp_path / "out/fall.log").read_text().count(" 091#") > 100
     assert (tmp_path / "out/fall.png").read_bytes().startswith(b"\x89PNG")
-    assert "This configuration" not in values
     warning = "wrcd: warning: out/fall.log: has no input frame of axles 2, 3, 4: NotAvailable throughout; not shown"
     assert set(shown.err.splitlines()) - engine_told() == {warning}
     assert "--replay" not in explained_hint(values, capsys)
@@ -101,7 +101,7 @@ def test_computer_that_stands_still_costs_no_validity_without_a_kernel(
     assert main(["demo", "-i", "virtual", "-c", "slow", "--scenario", f"{tmp_path}/wet.toml", "-o", str(tmp_path)]) == 0
     values = capsys.readouterr().out
     told = [line for line in values.splitlines() if " s axle 1: " in line]
-    assert "Valid, after" in told[-1]
+    assert told[-1].endswith("axle 1: Valid")
     assert not any("past its time-out" in line for line in told)
     assert "busy" not in values
     stamps = [frame.stamp_us for frame, _ in read_log(tmp_path / "wet.log", Damage())]
@@ -153,15 +153,13 @@ def truth(available: float, used: float) -> dict[str, float]:
 
 
 def test_line_has_truth_estimate_and_use_in_their_places(capsys: pytest.CaptureFixture[str]) -> None:
-    values: MessageValues = {"MuAvailable": 30.0, "Validity": "Valid", "ContactState": "Adhering", "Surface": "Dry"}
-    trace = ObservedTrace([(2.0, truth(40.0, 10.0))], [(2.0, {**values, "Confidence": "Within5pp"})])
+    values: MessageValues = {"MuAvailable": 30.0, "Validity": "Valid", "Confidence": "Within5pp"}
+    trace = ObservedTrace([(2.0, truth(40.0, 10.0))], [(2.0, values)])
     screen = Screen([1])
-    screen.begin()
     screen.moment({1: trace})
-    *_, scale, line = capsys.readouterr().out.splitlines()
+    line = capsys.readouterr().out
     bar = line[line.index("|") + 1 : line.rindex("|")]
-    assert (bar.count("="), bar.index("E"), bar.index("T")) == (11, 30, 40)
-    assert [scale.index(str(pct)) - line.index("|") - 1 for pct in (30, 40)] == [30, 40]
+    assert (bar.count("="), bar.index("E"), bar.index("T")) == (5, 12, 16)
     assert "truth 40.0 %  wrcd  30.0 ± 5 %  Valid" in line
     trace.adhesion[0][1]["MuAvailable"] = 40.0
     screen.moment({1: trace})
@@ -174,7 +172,7 @@ def test_interval_without_a_bound_is_no_number(capsys: pytest.CaptureFixture[str
     assert "30.0 ± ? %  Degraded" in capsys.readouterr().out
 
 
-def test_change_is_told_with_its_cause_in_words_and_figures(capsys: pytest.CaptureFixture[str]) -> None:
+def test_change_is_told_with_its_cause_in_words(capsys: pytest.CaptureFixture[str]) -> None:
     valid, degraded = Validity.VALID, Validity.DEGRADED
     screen = Screen([1])
     screen.changes(
@@ -185,19 +183,10 @@ def test_change_is_told_with_its_cause_in_words_and_figures(capsys: pytest.Captu
         ],
         FIRST_US * 1e-6,
     )
-    assert capsys.readouterr().out.splitlines() == [
-        f"  3.0 s axle 1: Degraded: {Cause.TOO_LITTLE_DATA.words} (18 % +- 19, limit +- 10)",
-        "  3.5 s axle 1: Valid, after 0.5 s",
-    ]
-
-
-def test_change_that_comes_again_at_once_is_told_once(capsys: pytest.CaptureFixture[str]) -> None:
-    screen = Screen([1])
-    for k in range(20):
-        before, after = (Validity.VALID, Validity.DEGRADED)[:: 1 if k % 2 else -1]
-        cause = Cause.INPUT_STALE if after is Validity.DEGRADED else Cause.NONE
-        screen.changes([Change(at(k * 0.1), 1, before, after, cause, "")], FIRST_US * 1e-6)
-    assert len(capsys.readouterr().out.splitlines()) == 4
+    out = capsys.readouterr().out
+    assert max(map(len, out.splitlines())) <= 80
+    told = f"3.0 s axle 1: Degraded: {Cause.TOO_LITTLE_DATA.words} 3.5 s axle 1: Valid"
+    assert " ".join(out.split()) == told
 
 
 def test_hint_of_a_demo_with_an_own_dbc_replays(
@@ -208,9 +197,6 @@ def test_hint_of_a_demo_with_an_own_dbc_replays(
     words = ["demo", "-i", "virtual", "-c", "hint", "--scenario", str(tmp_path / "fall.toml"), "-o", str(tmp_path)]
     assert main([*words, "--config", str(THIRD_PARTY)]) == 0
     shown = capsys.readouterr()
-    before, _, after = shown.out.partition(" s A1 |")
-    assert "This configuration sends no ContactState, Surface: not shown." in before
-    assert "This configuration" not in after
     assert set(shown.err.splitlines()) == engine_told()
     assert "--replay" in explained_hint(shown.out, capsys)
 
@@ -233,22 +219,3 @@ def test_hint_is_at_the_end_of_the_largest_fall_and_not_before_its_frame(
     assert hint(None, 30.0, None) == ""
     assert hint(*(20.0 + k for k in range(12))) == ""  # it only rises
     assert hint(30.0, 30.0, *[None] * 5, 10.0, 10.0) == ""  # it fell in a gap: what came between is not known
-
-
-def test_interval_that_is_not_sent_is_said_once_and_no_sign_stands_for_it(capsys: pytest.CaptureFixture[str]) -> None:
-    screen = Screen([1], ["Confidence", "Surface"])
-    screen.begin()
-    values: MessageValues = {"MuAvailable": 30.0, "Validity": "Valid"}
-    for _ in range(2):
-        screen.moment({1: ObservedTrace([(2.0, truth(40.0, 10.0))], [(2.0, values)])})
-    out = capsys.readouterr().out
-    assert out.count("This configuration sends no Confidence, Surface: no interval is shown.") == 1
-    assert "±" not in out
-    assert "wrcd      30.0 %  Valid" in out
-
-
-def test_line_of_the_daemons_log_stands_among_the_rows(capsys: pytest.CaptureFixture[str]) -> None:
-    Screen([1]).daemon("rejected 2 frames in the last second: jump Torque_A1 2", 9.96)
-    shown = capsys.readouterr()
-    assert shown.out == " 10.0 s daemon: rejected 2 frames in the last second: jump Torque_A1 2\n"
-    assert shown.err == ""

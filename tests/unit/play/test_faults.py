@@ -11,7 +11,11 @@ import pytest
 
 from sim_ecu.cli.main import main as sim_ecu
 from sim_ecu.play.encoder import Sent, data_id, databases
-from sim_ecu.play.expected import (
+from sim_ecu.play.faults import KINDS, SILENT, Fault, Stage, parse_fault
+from sim_ecu.play.interface import check
+from sim_ecu.play.player import Player
+from sim_ecu.play.scenario import Scenario, load_scenario
+from tests.matrix.expected import (
     LONG_ROWS,
     ROWS,
     SETTLED_AFTER_MS,
@@ -23,11 +27,7 @@ from sim_ecu.play.expected import (
     expected_lines,
     wrong_lines,
 )
-from sim_ecu.play.faults import KINDS, SILENT, Fault, Stage, parse_fault
-from sim_ecu.play.interface import check
-from sim_ecu.play.matrix import BEGINS_S, Matrix, SentAdhesion, judge
-from sim_ecu.play.player import Player
-from sim_ecu.play.scenario import Scenario, load_scenario
+from tests.matrix.matrix import BEGINS_S, Matrix, SentAdhesion, judge
 from tests.support.can_ids import LAT_ACCEL_A1, TORQUE_A1, VEHICLE_SPEED, YAW_RATE_A1, YAW_RATE_A2
 from wrcd.errors import InputError
 
@@ -230,9 +230,9 @@ def test_fault_behind_the_scenarios_end_is_an_error() -> None:
             parse_fault(f"dead:at={at}", [1], 30.0)
 
 
-def test_inject_takes_no_fault_behind_the_scenarios_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_play_takes_no_fault_behind_the_scenarios_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log = tmp_path / "a.log"
-    assert sim_ecu(["inject", "half-wet", "--fault", "dead:at=600", "--fast", "--log", str(log)]) == 2
+    assert sim_ecu(["play", "half-wet", "--fault", "dead:at=600", "--fast", "--log", str(log)]) == 2
     assert "not before the scenario's end" in capsys.readouterr().err
     assert not log.exists()
 
@@ -252,7 +252,7 @@ def test_faults_need_their_interface() -> None:
     check([Fault("error-flood", 1.0), Fault("crc", 1.0)], "virtual", "x")
 
 
-def test_inject_writes_the_same_log_each_time(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_play_with_faults_writes_the_same_log_each_time(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "faulty.toml"
     file.write_text(
         'duration_s = 0.5\nrail = [{ curve = "C" }]\ndrive = { utilisation = 0.1 }\n'
@@ -261,7 +261,7 @@ def test_inject_writes_the_same_log_each_time(tmp_path: Path, capsys: pytest.Cap
     logs = []
     for name in ("a.log", "b.log"):
         logs.append(tmp_path / name)
-        command = ["inject", str(file), "--fault", "error-flood:at=0.3,for=0.1", "--fast", "--no-truth", "--log"]
+        command = ["play", str(file), "--fault", "error-flood:at=0.3,for=0.1", "--fast", "--no-truth", "--log"]
         assert sim_ecu([*command, str(logs[-1])]) == 0
     assert logs[0].read_bytes() == logs[1].read_bytes()
     said = capsys.readouterr().out.splitlines()
@@ -281,13 +281,10 @@ def test_wrong_fault_in_a_scenario_is_an_error_with_its_key(tmp_path: Path, caps
     assert "faulty.toml:7: fault[1].kind: is 'crash', not one of" in capsys.readouterr().err
 
 
-def test_inject_asks_for_what_it_needs(capsys: pytest.CaptureFixture[str]) -> None:
-    assert sim_ecu(["inject", "--list"]) == 0
-    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == list(KINDS)
-    assert sim_ecu(["inject"]) == 2
-    assert "SCENARIO: is missing" in capsys.readouterr().err
-    assert sim_ecu(["inject", "dry"]) == 2
-    assert "--fault: is missing" in capsys.readouterr().err
+def test_list_has_every_kind_of_fault(capsys: pytest.CaptureFixture[str]) -> None:
+    assert sim_ecu(["list"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines if " fault: " in line] == list(KINDS)
 
 
 def frames_said(valid: Sequence[bool], mu: float = 20.0) -> list[SentAdhesion]:
@@ -394,7 +391,7 @@ def test_every_kind_has_a_row_and_one_that_leaves_valid_expects_its_axle_and_inp
 
 @pytest.mark.night
 def test_fault_matrix_holds_at_one_moment() -> None:
-    """`sim-ecu faults`, at one of its moments; to the core the faults of the whole bus are one."""
+    """`python -m tests.matrix`, at one of its moments; to the core the faults of the whole bus are one."""
     rows = [r for r in (*ROWS, *LONG_ROWS) if r.fault.kind not in SILENT[1:]]
     matrix = Matrix(rows, BEGINS_S[1:2])
     wrong = {(r.fault.kind, r.fault.of, r.fault.duration_s, r.fault.amount): matrix.play(r).wrong for r in rows}

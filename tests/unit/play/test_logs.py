@@ -51,7 +51,7 @@ def test_format_that_would_lose_frames_is_refused_before_the_first(
 def test_error_frames_are_refused_for_a_trc(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scenario, log = tmp_path / "short.toml", tmp_path / "a.trc"
     scenario.write_text(SCENARIO)
-    assert main(["inject", str(scenario), "--fault", FLOOD, "--fast", "--log", str(log)]) == 2
+    assert main(["play", str(scenario), "--fault", FLOOD, "--fast", "--log", str(log)]) == 2
     assert "a .trc takes no error frames, which error-flood sends" in capsys.readouterr().err
     assert not log.exists()
 

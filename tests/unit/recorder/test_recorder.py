@@ -12,11 +12,7 @@ from wrcd.bus.e2e import protect
 from wrcd.bus.frame import Frame
 from wrcd.config.config import load_config, packaged
 from wrcd.core.configuration import Config, RecorderConfig
-from wrcd.core.core import Core
 from wrcd.errors import InputError
-from wrcd.logs.damage import Damage
-from wrcd.logs.reader import read_log
-from wrcd.recorder.resume import load
 
 
 def test_dump_replays_to_what_was_sent(config: Config, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -103,22 +99,6 @@ def test_dump_of_a_bus_beyond_the_rings_capacity_replays(config: Config, tmp_pat
     sent, replayed = sent_and_replayed(log, tmp_path / "out.log")
     assert replayed == sent
     assert 0.15 < (sent[-1].stamp_us - sent[0].stamp_us) * 1e-6 < 0.6
-
-
-def test_dump_after_a_reload_begins_with_the_new_limits(config: Config, tmp_path: Path) -> None:
-    """After a reload a dump has what was sent under the limits of now, and replays with them alone."""
-    train = RecordedTrain(config, tmp_path)
-    train.run(2000)
-    other = replace(config, min_speed_m_s=5.0)
-    train.sim.core.reconfigure(other)
-    train.run(500)
-    log = train.asked()
-    state = log.with_suffix(".state.json")
-    with pytest.raises(InputError, match="min_speed_m_s differ"):
-        load(state, Core(config))
-    load(state, Core(other))
-    sent = [f for f, _ in read_log(log, Damage()) if f.can_id == ADHESION_A1]
-    assert (sent[-1].stamp_us - sent[0].stamp_us) * 1e-6 == pytest.approx(2.5, abs=0.05)
 
 
 def test_recorder_configuration_sets_folder_seconds_and_bounds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,9 +15,9 @@ from tests.support.story_columns import synthetic
 from wrcd.config.config import load_packaged
 from wrcd.core.causes import Cause, Validity
 from wrcd.logs.log_comparison import compare
-from wrcd.logs.story_records import Finding, MessageStatistics, Series
+from wrcd.logs.story_records import Finding, MessageStatistics
 from wrcd.report import report_page
-from wrcd.report.contents import causes, differences, facts
+from wrcd.report.contents import causes, differences
 from wrcd.report.data import tables
 from wrcd.report.report_plots import parts, validity_words
 
@@ -50,25 +50,6 @@ class Elements(HTMLParser):
 @pytest.fixture(scope="module")
 def small() -> str:
     return report_page.page(synthetic(30.0, 2), None)
-
-
-def test_trains_advice_is_told_in_a_sentence_where_it_was_sent() -> None:
-    told = {
-        "Validity": np.array([0.0, 1.0, 1.0, 2.0]),  # NotAvailable, Valid, Valid, Degraded
-        "DecelerationLow": np.array([np.nan, 1.6, 0.5, 0.1]),
-        "Category": np.array([0.0, 1.0, 4.0, 5.0]),
-    }
-    advice = Series(np.array([0, 200_000, 400_000, 600_000]), told)
-    said = dict(facts(replace(synthetic(20.0, 1), advice=advice), None))
-    assert said["the train's advice"] == (
-        "Valid in 50 % of 4 frames: lower end 0.50 to 1.60 m/s², median 1.05; Dry 50 %, Low 50 %"
-    )
-    told["Validity"][:] = 0.0
-    assert (
-        dict(facts(replace(synthetic(20.0, 1), advice=advice), None))["the train's advice"]
-        == "Valid in 0 % of 4 frames"
-    )
-    assert "the train's advice" not in dict(facts(synthetic(20.0, 1), None))
 
 
 def test_names_from_files_are_text_and_never_elements() -> None:

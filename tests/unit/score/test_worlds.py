@@ -104,7 +104,7 @@ def test_another_design_has_a_core_of_its_own_in_worlds_alone(suite: str) -> Non
     run = next(worlds(SOURCE, 0.05))
     short = replace(run, suite=suite, scenario=replace(run.scenario, duration_s=3.0, axles=run.scenario.axles[:2]))
     beside = (("again", DESIGN), ("other", rig.PAPER_DESIGN), (PAPER, rig.PAPER_DESIGN))
-    ours, _ = play_one(ScoreRequest(DESIGN, None, beside), short)
+    ours, _ = play_one(ScoreRequest(DESIGN, beside), short)
     assert ours.baselines == {}
     assert set(ours.beside) == ({"again", "other"} if suite == "worlds" else set())
     if suite == "worlds":

@@ -17,12 +17,10 @@ from tests.support.scripted_link import ScriptedLink
 from tests.support.sensor_simulator import SensorSimulator
 from wrcd.bus.frame import Frame
 from wrcd.bus.link import LinkState
-from wrcd.config.config import DEFAULT
 from wrcd.core.configuration import Config, RecorderConfig
 from wrcd.recorder.recorder import Recorder
 from wrcd.service.loop import Daemon
 from wrcd.service.notify import Notifier
-from wrcd.service.reload import Reload
 
 
 class Setup:
@@ -173,11 +171,9 @@ class Systemd:
         self.notifier = Notifier({"NOTIFY_SOCKET": path, "WATCHDOG_USEC": "200000"})
         self.daemon = self.setup.daemon = self.new_daemon()
 
-    def new_daemon(self, reload: Reload | None = None, recorder: Recorder | None = None) -> Daemon:
+    def new_daemon(self, recorder: Recorder | None = None) -> Daemon:
         setup = self.setup
-        return Daemon(
-            setup.sim.core, setup.link, self.notifier, clock=lambda: setup.now, reload=reload, recorder=recorder
-        )
+        return Daemon(setup.sim.core, setup.link, self.notifier, clock=lambda: setup.now, recorder=recorder)
 
     def heard(self) -> list[str]:
         out = []
@@ -300,32 +296,21 @@ def test_failing_shutdown_frames_keep_the_exception_and_close_the_link(
     assert "the last frames were not sent: ZeroDivisionError('no bus')" in capsys.readouterr().err
 
 
-def test_sighup_reloads_the_configuration(
-    systemd: Systemd,
-    tmp_path: Path,
-    config: Config,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    file = tmp_path / "train.toml"
-    file.write_text(DEFAULT + "[limits]\nmin_speed_m_s = 7\n")
-    daemon = systemd.new_daemon(Reload(file, config))
-    kill_after({200: signal.SIGHUP, 400: signal.SIGTERM}, systemd, daemon, monkeypatch)
-    daemon.run()
-    said = [line for line in systemd.heard() if line != "WATCHDOG=1"]
-    assert [line.partition("\n")[0] for line in said] == ["READY=1", "RELOADING=1", "READY=1", "STOPPING=1"]
-    moment_us = int(said[1].partition("\nMONOTONIC_USEC=")[2])
-    assert 0 <= time.monotonic() - moment_us * 1e-6 < 60
-    assert systemd.setup.sim.core.config.min_speed_m_s == 7.0
-    said = [line for line in capsys.readouterr().err.splitlines() if "axle" not in line]
-    assert said == ["wrcd: reload: limits.min_speed_m_s 3 -> 7"]
-
-
-def test_sighup_without_a_reload_stops_the_daemon(systemd: Systemd, monkeypatch: pytest.MonkeyPatch) -> None:
-    """On a terminal: whoever started it is gone."""
+def test_sighup_stops_the_daemon_as_sigterm_does(systemd: Systemd, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The terminal of whoever started it is gone; systemd starts it again."""
     kill_after({200: signal.SIGHUP}, systemd, systemd.daemon, monkeypatch)
     systemd.daemon.run()
     assert systemd.heard()[-1] == "STOPPING=1"
+    assert [f.data[1] >> 4 & 3 for f in systemd.setup.link.sent[-5:]] == [0, 0, 0, 0, 3]
+
+
+def test_sighup_that_was_ignored_at_the_start_stays_ignored(systemd: Systemd, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As nohup has it."""
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    kill_after({200: signal.SIGHUP, 400: signal.SIGTERM}, systemd, systemd.daemon, monkeypatch)
+    begin = systemd.setup.now
+    systemd.daemon.run()
+    assert systemd.setup.now - begin >= 400_000
 
 
 def test_notifier_without_a_socket_sends_nothing() -> None:

@@ -194,7 +194,7 @@ static bool tick_is_sound(wrcd_lane *k, const wrcd_lane_tables *t, int signals)
     const int count = WRCD_QUANTITIES * k->axles;
 
     if (end_us - k->stamp_us > k->silence_us || !(speed >= k->min_speed_m_s) || !(speed >= k->speed_low_m_s)
-        || !(speed <= k->speed_high_m_s) || (t->front != NULL && at(place, k, SPEED, 0)->value <= -BACKWARDS_M_S))
+        || !(speed <= k->speed_high_m_s))
         return false;
     for (int p = 0; p < count; p++)
         if (place[p].is_mapped && end_us - place[p].stamp_us > place[p].timeout_us)
@@ -250,13 +250,7 @@ static int close_tick(wrcd_lane *k, const wrcd_lane_tables *t, wrcd_estimator *e
     }
     k->ratio_known = 1;
     const wrcd_tick tick = {k->open, fabs(at(place, k, SPEED, 0)->value), z, present, k->torque_ratio};
-    if (t->front != NULL) {
-        t->front->speed_m_s = fmax(at(place, k, SPEED, 0)->value, 0.0);
-        t->front->way_m += t->front->speed_m_s * design->tick_s;
-    }
     const int says = wrcd_step(e, design, &tick, result);
-    if (t->front != NULL)
-        wrcd_front_step(t->front, n, tick.number, result, k->torque_ratio, design->tick_s);
     k->open++;
     k->ticks++;
     k->begin_us = k->open * k->period_us;
@@ -324,7 +318,7 @@ int wrcd_lane_bytes(int of)
 {
     const size_t bytes[] = {sizeof(wrcd_frame), sizeof(wrcd_lane_message), sizeof(wrcd_lane_signal),
                             sizeof(wrcd_lane_place), sizeof(wrcd_lane), sizeof(wrcd_lane_sent),
-                            sizeof(wrcd_lane_field), sizeof(wrcd_lane_slot), sizeof(wrcd_front)};
+                            sizeof(wrcd_lane_field), sizeof(wrcd_lane_slot)};
 
     return (int)bytes[of];
 }

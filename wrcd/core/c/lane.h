@@ -68,16 +68,6 @@ typedef struct {
     int32_t axle, length, is_big_endian, is_protected, crc_start, first_field, fields;
 } wrcd_lane_sent;
 
-/* The signs of a worse rail, of every axle, with fusion along the vehicle. Blocks: oldest first, the last is being
- * filled. */
-enum { WRCD_FRONT_CHANNELS = 5, WRCD_FRONT_COLUMNS = WRCD_FRONT_CHANNELS + 3, WRCD_FRONT_BLOCKS = 62 };
-typedef struct {
-    double block[WRCD_MAX_AXLES][WRCD_FRONT_BLOCKS][WRCD_FRONT_COLUMNS];
-    double pause[WRCD_MAX_AXLES], jolt[WRCD_MAX_AXLES], steady[WRCD_MAX_AXLES], met_m[WRCD_MAX_AXLES];
-    double way_m, speed_m_s;
-    int64_t newest, behind[WRCD_MAX_AXLES]; /* behind: a bit for each axle that runs behind this one */
-} wrcd_front;
-
 /* A place: a quantity of an axle. */
 typedef struct {
     int64_t timeout_us, stamp_us, used_us, reach_until_us, traction_us;
@@ -127,14 +117,11 @@ typedef struct {
     const wrcd_lane_field *field;
     wrcd_frame *made;
     wrcd_lane_slot *slot;
-    wrcd_front *front; /* NULL: without */
     int64_t max_made, max_slots;
 } wrcd_lane_tables;
 
 /* How well an input is reached: a bit for each whole time-out. It is moved on to a time first. */
 int wrcd_lane_reach(wrcd_lane_place *place, int64_t us);
-void wrcd_front_step(wrcd_front *front, int axles, int64_t number, const wrcd_result *result,
-                     const double *torque_ratio, double tick_s);
 /* Take frames until something happens; `taken` of them were. */
 int wrcd_lane_run(wrcd_lane *lane, const wrcd_lane_tables *tables, wrcd_estimator *e, const wrcd_design *design,
                   wrcd_result *result, const wrcd_frame *frame, int64_t frames, int64_t *taken);

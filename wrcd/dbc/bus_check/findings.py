@@ -34,15 +34,13 @@ class BusFinding:
 
 def findings(
     config: Config, gathered: Gathered, found: Sequence[SignalFigures], fits: Sequence[Fit],
-    spells: Mapping[int, Spells], wheelset: str | None,
+    spells: Mapping[int, Spells],
 ) -> list[BusFinding]:  # fmt: skip
-    """The gravest first. wheelset: what speaks against the design's."""
+    """The gravest first."""
     out = [*_silent(config, gathered), *_spells(config, gathered, spells)]
     out += [BusFinding(True, f.what, f.text) for f in fits if f.fits is False]
     for f in found:
         out += [BusFinding(False, f.name, text) for text in _odd(config, f)]
-    if wheelset is not None:
-        out.append(BusFinding(False, "wheelset", wheelset))
     if gathered.errors:
         out.append(BusFinding(False, "bus", f"{gathered.errors} error frames"))
     return sorted(out, key=lambda f: not f.stops)
@@ -166,7 +164,7 @@ def page(
     for axle in (a for a in config.axles if any(f.frames and f.axles == (a.number,) for f in found)):
         out.append(f"  axle {axle.number}: {_lasted(spells[axle.number])}")
     name = config.design.wheelset.get("name", config.design.name)
-    out.append(f"wheelset  the design is for {name!r}; a foreign one is told by its signals only in part")
+    out.append(f"wheelset  the design is for {name!r}; the signals do not tell another one")
     return out
 
 

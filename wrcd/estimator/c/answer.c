@@ -3,7 +3,7 @@
 #include "parts.h"
 
 enum { LAG = WRCD_INPUTS, CROSS = LAG + W, LENGTH = CROSS + MODELS, NOISE, SWING = NOISE + CHANNELS, STEP = SWING + 2 };
-enum { PRECISION, WEIGHED, AGE_S, PEAK_PCT, PEAK_AGE_S, ANOTHER }; /* what is remembered */
+enum { PRECISION, WEIGHED, PEAK_PCT, PEAK_AGE_S, ANOTHER }; /* what is remembered */
 
 typedef struct { /* of one axle, at one moment */
     double now, lasting, range[2], step[MODELS], noise_factor[CHANNELS], floor[MODELS], grid_speed_m_s;
@@ -154,7 +154,7 @@ void wrcd_answer_changes(wrcd_estimator *e, const wrcd_design *d, int axle)
         wrcd_window_truncate(e, axle, d->recent);
 }
 
-static const double KEPT = 0.94, MEMORY_S = 1.3, WEIGHT = 0.08 * 0.6, BELOW = 2.5, ABOVE = 3.0, SIGMAS = 1.645;
+static const double KEPT = 0.94, WEIGHT = 0.08 * 0.6, BELOW = 2.5, ABOVE = 3.0, SIGMAS = 1.645;
 static const double HOLD_S = 0.5, ERODES_S = 6.0, ERODES_M = 120.0, SATURATED = 0.87, WORSE = 2.0, BETTER = 2.5;
 static const double NEWEST = 1.8, CUT = 0.5, VAGUE = 0.3, BEGINS = 0.2, CLEAR = 0.8, AGAIN = 0.98, LEAST_PCT = 0.01;
 enum { STEP_TICKS = 16, ANOTHER_STEPS = 2 };
@@ -188,8 +188,7 @@ void wrcd_answer_remember(wrcd_estimator *e, const wrcd_design *d, int axle, dou
     memcpy(inputs, usual.inputs, sizeof usual.inputs);
     *ratio = at.now;
     const word own = word_of(&usual), newest = word_of(&recent);
-    const int ticks = usual.blocks * WRCD_BLOCK_TICKS;
-    const bool whole = ticks >= d->window_ticks, usable = isfinite(own.sigma);
+    const bool whole = usual.blocks * WRCD_BLOCK_TICKS >= d->window_ticks, usable = isfinite(own.sigma);
     const double step_s = STEP_TICKS * d->tick_s, new_precision = 1.0 / (own.sigma * own.sigma);
     double precision = KEPT * m[PRECISION] + WEIGHT * new_precision;
     double weighed = KEPT * m[WEIGHED] + WEIGHT * new_precision * own.log_pct;
@@ -197,7 +196,6 @@ void wrcd_answer_remember(wrcd_estimator *e, const wrcd_design *d, int axle, dou
     const bool begins = m[PRECISION] == 0.0 || share >= 1.0;
     precision = !usable ? 0.0 : begins ? BEGINS * new_precision : precision;
     weighed = !usable ? 0.0 : begins ? BEGINS * new_precision * own.log_pct : weighed;
-    double age_s = !usable ? 0.0 : begins ? ticks * d->tick_s : m[AGE_S] + step_s;
     const double lasting_pct = 100.0 * at.lasting, in_use = isfinite(lasting_pct) ? lasting_pct : 0.0;
     const bool at_peak = in_use >= AGAIN * m[PEAK_PCT] || in_use >= SATURATED * exp(newest.log_pct);
     const double since_s = at_peak ? 0.0 : m[PEAK_AGE_S] + step_s;
@@ -209,7 +207,6 @@ void wrcd_answer_remember(wrcd_estimator *e, const wrcd_design *d, int axle, dou
     const bool anew = m[ANOTHER] >= ANOTHER_STEPS;
     m[PRECISION] = anew ? 0.0 : precision;
     m[WEIGHED] = anew ? 0.0 : weighed;
-    m[AGE_S] = anew ? 0.0 : age_s;
     m[PEAK_PCT] = at_peak ? in_use : m[PEAK_PCT] * erodes;
     m[PEAK_AGE_S] = since_s;
     if (anew)
@@ -252,9 +249,9 @@ static double doubted(const wrcd_design *d, double spread, const answer *best, d
 static double weigh(const wrcd_estimator *e, const wrcd_design *d, int axle, const moment *m, const answer *best,
                     const answer *recent, wrcd_adhesion *out)
 {
-    const double *memory = e->axle[axle].memory, window_s = best->s.ticks * d->tick_s, lifts = log(3.0);
+    const double *memory = e->axle[axle].memory, lifts = log(3.0);
     const bool cut = best->blocks < d->usual;
-    double share;
+    double share; /* of the window's own word: it is in the fused one */
     const word own = spoken(memory[PRECISION], memory[WEIGHED], word_of(best), !cut, &share);
     const double from_rules = exp(own.log_pct);
     const double allowed = lesser(memory[PEAK_PCT], exp(own.log_pct + lesser(ALLOWED * own.sigma, lifts)));
@@ -266,9 +263,6 @@ static double weigh(const wrcd_estimator *e, const wrcd_design *d, int axle, con
         spread = reach / mu;
     const double used = out->used_pct, *swing = best->inputs + SWING;
     const int regime = used >= d->saturated_share * mu ? 4 : cut ? 3 : used / mu < COASTS ? 2 : swing[0] + swing[1] > MOVED ? 1 : 0;
-    out->past_s = share < 1.0 ? greater(window_s, lesser(memory[AGE_S], d->window_ticks * d->tick_s + MEMORY_S)) : window_s;
-    if (carried > from_rules)
-        out->past_s = greater(out->past_s, memory[PEAK_AGE_S]);
     out->regime = regime;
     out->mu_available_pct = mu;
     out->mu_from_rules_pct = from_rules;
@@ -290,7 +284,6 @@ void wrcd_estimate(const wrcd_estimator *e, const wrcd_design *d, wrcd_adhesion 
             out->mu_from_rules_pct = best.mu_pct;
             out->mu_available_pct = isnan(best.mu_pct) ? NAN : lesser(fmax(best.mu_pct, out->used_pct), 100.0);
             out->doubt = out->regime = 0.0;
-            out->past_s = best.s.ticks * d->tick_s;
             spread = best.spread;
         } else {
             spread = weigh(e, d, axle, &m, &best, &recent, out);

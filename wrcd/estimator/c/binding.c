@@ -24,7 +24,7 @@ static const field TRAIN[] = {WRCD_TRAIN_STATE(IN_TRAIN) IN(wrcd_estimator, axle
 static const field ADHESION[] = {WRCD_ESTIMATE(IN_ADHESION){"", sizeof(wrcd_adhesion), 0}};
 static const field RESULT[] = {
     IN_RESULT(innovations) IN_RESULT(whitened) IN_RESULT(accepted) IN_RESULT(outliers) IN_RESULT(near_pulse)
-    IN_RESULT(in_window) IN_RESULT(live) IN_RESULT(calm) IN_RESULT(needs_reset){"", sizeof(wrcd_result), 0}};
+    IN_RESULT(live) IN_RESULT(calm) IN_RESULT(needs_reset){"", sizeof(wrcd_result), 0}};
 
 /* The digest of the sources that setup.py compiled, and what compiled them. */
 const char *wrcd_sources(void) { return WRCD_SOURCES; }

@@ -154,7 +154,6 @@ static int step_axle(wrcd_estimator *e, const wrcd_design *d, const bank_matrice
     result->accepted[axle] = accepted;
     result->outliers[axle] = left_out;
     result->near_pulse[axle] = near;
-    result->in_window[axle] = in_window;
     result->needs_reset[axle] = reset;
     return found | (reset ? WRCD_NEEDS_RESET : 0);
 }

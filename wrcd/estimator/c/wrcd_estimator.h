@@ -53,7 +53,7 @@ enum {
     WRCD_PAIR_SPANS = 25, /* that are kept */
     WRCD_PAIR_FEATURES = 170,
     WRCD_MAX_HIDDEN = 128,
-    WRCD_REMEMBERED = 6
+    WRCD_REMEMBERED = 5
 };
 
 /* A table over growing speeds (m/s), linear between them, held at its ends: rows of `width` numbers. */
@@ -189,7 +189,7 @@ typedef struct {
 typedef struct {
     double innovations[WRCD_MODELS][WRCD_CHANNELS][WRCD_MAX_AXLES];
     double whitened[WRCD_MODELS][WRCD_CHANNELS][WRCD_MAX_AXLES];
-    uint8_t accepted[WRCD_MAX_AXLES], outliers[WRCD_MAX_AXLES], near_pulse[WRCD_MAX_AXLES], in_window[WRCD_MAX_AXLES];
+    uint8_t accepted[WRCD_MAX_AXLES], outliers[WRCD_MAX_AXLES], near_pulse[WRCD_MAX_AXLES];
     uint8_t live[WRCD_MAX_AXLES], calm[WRCD_MAX_AXLES], needs_reset[WRCD_MAX_AXLES];
 } wrcd_result;
 enum { WRCD_OUTLIERS = 1, WRCD_NEEDS_RESET = 2 };
@@ -214,7 +214,6 @@ enum wrcd_doubt { WRCD_NO_DOUBT, WRCD_NO_RULE, WRCD_BEYOND_TRAINING, WRCD_HARSH,
     F(contradicted, )                                                                          \
     F(doubt, )            /* enum wrcd_doubt */                                                \
     F(window_s, )                                                                              \
-    F(past_s, )                                                                                \
     F(mu_from_rules_pct, )                                                                     \
     F(live_share, )                                                                            \
     F(regime, )

@@ -1,1 +1,1 @@
-"""What the sensors bring beside the track: offsets, noise, joints, absurd values, drops."""
+"""What the sensors bring beside the track: offsets, noise, joints, absurd values."""

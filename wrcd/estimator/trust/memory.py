@@ -17,7 +17,7 @@ from wrcd.estimator.design import FloatArray
 from wrcd.estimator.paper.bank import BoolArray
 
 STEP_TICKS = 16  # from one word that is fused to the next, 80 ms
-KEPT, MEMORY_S = 0.94, 1.3  # of the words so far, at each: so long a memory
+KEPT = 0.94  # of the words so far, at each: a memory of 1.3 s
 # A word counts as so many independent ones: of 80 ms in a window of 1 s, and what is wrong in one is wrong in the next.
 WEIGHT = 0.08 * 0.6
 # The window's own word takes over where it is off by so many of its standard deviations, below or above; it begins to
@@ -40,14 +40,12 @@ AGAIN = 0.98  # of what was in use at the peak: as much again
 
 class Remembered(NamedTuple):
     """Of every axle (n,). precision: of the fused word, as 1 / variance of log adhesion, 0 where there is none, and
-    weighed, its product with log adhesion, and how far back the first of its words goes (s); peak_pct: what was in use
-    at the last peak, eroded, and since when (s); another: steps in a row in which the window's newest part speaks of
-    another rail.
+    weighed, its product with log adhesion; peak_pct: what was in use at the last peak, eroded, and since when (s);
+    another: steps in a row in which the window's newest part speaks of another rail.
     """
 
     precision: FloatArray
     weighed: FloatArray
-    age_s: FloatArray
     peak_pct: FloatArray
     peak_age_s: FloatArray
     another: FloatArray
@@ -77,12 +75,12 @@ def spoken(memory: Remembered, word: Word, whole: BoolArray) -> tuple[Word, Floa
 
 
 def remember(
-    memory: Remembered, word: Word, whole: BoolArray, window_s: FloatArray, recent: Word, live_share: FloatArray,
-    in_use_pct: FloatArray, step_s: float, speed_m_s: float,
+    memory: Remembered, word: Word, whole: BoolArray, recent: Word, live_share: FloatArray, in_use_pct: FloatArray,
+    step_s: float, speed_m_s: float,
 ) -> Remembered:  # fmt: skip
-    """After a step of so many seconds: the rules' word of the window, which is whole (n,) or cut, and so long; recent:
-    that of its newest part, and what share of that holds data (n,); in_use_pct (n,): what has been in use all the time
-    lately. Within quiet()."""
+    """After a step of so many seconds: the rules' word of the window, which is whole (n,) or cut; recent: that of its
+    newest part, and what share of that holds data (n,); in_use_pct (n,): what has been in use all the time lately.
+    Within quiet()."""
     usable = np.isfinite(word.sigma)
     new = 1.0 / (word.sigma * word.sigma)
     precision = KEPT * memory.precision + WEIGHT * new
@@ -91,7 +89,6 @@ def remember(
     begins = (memory.precision == 0.0) | (share >= 1.0)
     precision = np.where(usable, np.where(begins, BEGINS * new, precision), 0.0)
     weighed = np.where(usable, np.where(begins, BEGINS * new * word.log_pct, weighed), 0.0)
-    age_s = np.where(usable, np.where(begins, window_s, memory.age_s + step_s), 0.0)
     in_use = np.where(np.isfinite(in_use_pct), in_use_pct, 0.0)
     at_peak = (in_use >= AGAIN * memory.peak_pct) | (in_use >= SATURATED * np.exp(recent.log_pct))
     since_s = np.where(at_peak, 0.0, memory.peak_age_s + step_s)
@@ -103,5 +100,5 @@ def remember(
     off = whole & usable & (live_share >= CLEAR) & ((apart < -WORSE) | (apart > BETTER))
     another = np.where(off, memory.another + 1.0, 0.0)
     anew = another >= ANOTHER_STEPS
-    precision, weighed, age_s = (np.where(anew, 0.0, a) for a in (precision, weighed, age_s))
-    return Remembered(precision, weighed, age_s, np.where(at_peak, in_use, eroded), since_s, another)
+    precision, weighed = (np.where(anew, 0.0, a) for a in (precision, weighed))
+    return Remembered(precision, weighed, np.where(at_peak, in_use, eroded), since_s, another)

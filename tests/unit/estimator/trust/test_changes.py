@@ -8,7 +8,6 @@ from tests.support.lone_wheelset import LONE_DESIGN
 from tests.support.signals import measured
 from wrcd.estimator.design import Design, FloatArray, load_design
 from wrcd.estimator.estimator import Estimator
-from wrcd.estimator.trust.memory import MEMORY_S
 
 
 @pytest.fixture(scope="module")
@@ -61,15 +60,3 @@ def test_rail_change_drops_the_window_before_it(design: Design) -> None:
         dropped = np.flatnonzero(window[k:] < 0.6)
         late.append(dropped[0] * EVERY * design.tick_s if len(dropped) else np.inf)
     assert np.median(late) < 0.5
-
-
-def test_answer_is_of_window_and_memory_and_after_another_rail_of_what_came_since(design: Design) -> None:
-    at = 6 * PER_S
-    ratio = np.where(np.arange(8 * PER_S) < at, RATIO, 0.2)
-    z = np.concatenate((track(8.0)[:at], track(8.0, torque_Nm=0.2 / RATIO * 10_000.0)[at:]))
-    found = list(estimates(Estimator(design, 1), z, ratio))
-    past, window = (np.array([float(getattr(x, name)[0]) for x in found]) for name in ("past_s", "window_s"))
-    assert np.all(past >= window - 1e-9)
-    k = at // EVERY
-    assert past[k - 1] == pytest.approx(design.window_s + MEMORY_S)
-    assert past[k:].max() <= design.window_s + MEMORY_S + 1e-9

@@ -37,11 +37,11 @@ def nothing() -> Remembered:
 
 def after(
     memory: Remembered, steps: int, says: Word, recent: Word | None = None, in_use: float = 5.0,
-    whole: BoolArray = YES, live: float = 1.0, window_s: float = 1.0,
+    whole: BoolArray = YES, live: float = 1.0,
 ) -> Remembered:  # fmt: skip
     for _ in range(steps):
-        newest, torque, seconds = says if recent is None else recent, np.array([in_use]), np.array([window_s])
-        memory = remember(memory, says, whole, seconds, newest, np.array([live]), torque, STEP_S, SPEED)
+        newest, torque = says if recent is None else recent, np.array([in_use])
+        memory = remember(memory, says, whole, newest, np.array([live]), torque, STEP_S, SPEED)
     return memory
 
 
@@ -119,8 +119,8 @@ def test_bound_of_the_last_peak_is_carried_and_erodes_with_time_and_way() -> Non
     later = after(held, 25, word(30.0), in_use=3.0)  # 2 s
     assert 12.0 < later.peak_pct < 0.7 * 28.0
     assert after(later, 1, word(30.0), in_use=25.0).peak_pct == 25.0
-    faster = remember(held, word(30.0), YES, ALL, word(30.0), ALL, np.array([3.0]), 1.0, 60.0)
-    slower = remember(held, word(30.0), YES, ALL, word(30.0), ALL, np.array([3.0]), 1.0, 5.0)
+    faster = remember(held, word(30.0), YES, word(30.0), ALL, np.array([3.0]), 1.0, 60.0)
+    slower = remember(held, word(30.0), YES, word(30.0), ALL, np.array([3.0]), 1.0, 5.0)
     assert faster.peak_pct < slower.peak_pct
 
 
@@ -134,17 +134,8 @@ def test_what_is_not_known_changes_nothing_for_good() -> None:
     memory = after(nothing(), 500, word(20.0), in_use=10.0)
     unknown = Word(np.array([np.nan]), np.array([np.nan]))
     with np.errstate(all="ignore"):
-        none = remember(memory, unknown, YES, ALL, unknown, ALL, np.array([np.nan]), STEP_S, SPEED)
+        none = remember(memory, unknown, YES, unknown, ALL, np.array([np.nan]), STEP_S, SPEED)
         back = after(none, 1, word(20.0), in_use=math.inf)
     assert none.precision == 0.0
     assert np.isfinite(np.array(back)).all()
     assert back.peak_pct == pytest.approx(10.0, rel=0.1)
-
-
-def test_memory_goes_back_to_its_first_words_window() -> None:
-    held = after(nothing(), 10, word(20.0))
-    assert held.age_s == pytest.approx(1.0 + 9 * STEP_S)
-    kept = after(held, 5, word(20.5), whole=NO, window_s=0.16)  # a cut that says the same
-    assert kept.age_s == pytest.approx(1.0 + 14 * STEP_S)
-    anew = after(held, 1, word(5.0), whole=NO, window_s=0.16)
-    assert anew.age_s == pytest.approx(0.16)

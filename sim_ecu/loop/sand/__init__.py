@@ -1,1 +1,0 @@
-"""What sand is worth: one stop on every rail by every sanding policy."""
