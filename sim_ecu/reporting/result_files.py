@@ -4,6 +4,7 @@ import json
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +48,9 @@ def save(file: Path, write: Callable[[Path], object]) -> None:
     except OSError as e:
         hint = "check the folder, its room and your rights"
         raise InputError(f"cannot be written: {e.strerror}", file=file, hint=hint) from None
+    finally:
+        with suppress(OSError):  # half of one: it could not be written, or Ctrl-C came
+            beside.unlink(missing_ok=True)
 
 
 def status_by_goals(fail_on: str | None, goals: Sequence[Mapping[str, Any]]) -> Status:

@@ -200,6 +200,7 @@ def test_signal_ends_it_and_the_same_command_goes_on(
         assert run(file, out) == Status.INTERRUPTED
     assert f"stopped; what is finished is in {out}, the same command goes on from there" in capsys.readouterr().err
     assert all(gone(int(line.split()[2])) for line in lines(record))
+    assert {f.name for f in out.rglob("*")} <= {"campaign.json", "lock", "rows"}
     gate.touch()
     assert run(file, out) == Status.DONE
     assert len(rows(out)) == 8
@@ -216,5 +217,6 @@ def test_full_disk_is_said_and_the_same_command_goes_on(write: Write, tmp_path: 
     assert "cannot be written" in full.stderr
     assert "Traceback" not in full.stderr
     assert len(rows(out)) == 0
+    assert list(out.rglob(".*")) == []  # nothing half-written
     assert run(file, out) == Status.DONE
     assert len(rows(out)) == 3
