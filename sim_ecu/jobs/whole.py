@@ -5,7 +5,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
-from sim_ecu.jobs.pool import RESUMES, Ending, Stopped, Workers, local, run
+from sim_ecu.jobs.pool import Ending, Stopped, Workers, local, run
 from wrcd.progress import Progress
 
 T = TypeVar("T")
@@ -68,7 +68,7 @@ def each(
             else:
                 failed.append(f"  {names[o.place]}: {o.error}")
     if failed:
-        raise Stopped("\n".join([f"{len(failed)} of {len(jobs)} jobs failed twice:", *failed]), hint=RESUMES)
+        raise Stopped("\n".join([f"{len(failed)} of {len(jobs)} jobs failed twice:", *failed]))
 
 
 def left_out(missing: Sequence[Missing], suites: Iterable[str]) -> dict[str, list[str]]:
