@@ -51,15 +51,12 @@ def go(campaign: Campaign, folder: Path, jobs: int, scheduler: str | None, again
     try:
         with ExitStack() as stack:
             stack.enter_context(pool.kept())
-            there = (
-                None if scheduler is None else stack.enter_context(pool.cluster(scheduler))
-            )  # before it makes a folder
+            crew = None if scheduler is None else stack.enter_context(pool.cluster(scheduler))
             rows = stack.enter_context(opened(folder, campaign))
             if again:
                 rows.drop({key for key, ending in rows.endings.items() if ending != Ending.DONE})
             if left := [job for job in campaign.jobs if job.key not in rows.endings]:
-                crew = there or stack.enter_context(pool.local(min(jobs, len(left))))
-                _work(campaign, left, rows, crew)
+                _work(campaign, left, rows, crew or stack.enter_context(pool.local(min(jobs, len(left)))))
             rows.write()
             return rows.table()
     except KeyboardInterrupt:

@@ -6,7 +6,6 @@ its address, alone, and is given out once more from here; at its limit the kerne
 starts anew. One whose job has not even begun by then is ended by the nanny.
 """
 
-import itertools
 import logging
 import pickle
 import signal
@@ -151,8 +150,7 @@ def run(
     function is found by its module and name. What fails, dies or hangs is tried once more; then it is an outcome, no
     error. Raises Stopped where nobody works any more, or with other code.
     """
-    left: Iterator[tuple[int, int]] = zip(range(len(jobs)), itertools.repeat(1))
-    again: list[tuple[int, int]] = []
+    left = [(place, 1) for place in reversed(range(len(jobs)))]  # with the attempt
     at_work: dict[str, tuple[Any, int, int, float]] = {}  # future, place, attempt, begin: by worker
     ended: SimpleQueue[Any] = SimpleQueue()
     missing, seen_s, tell = len(jobs), time.monotonic(), bool(workers.address)
@@ -160,10 +158,11 @@ def run(
         while missing:
             there = workers.there()
             for address in sorted(there - at_work.keys()):
-                if (one := again.pop() if again else next(left, None)) is not None:
-                    request = pickle.dumps((function, jobs[one[0]]), pickle.HIGHEST_PROTOCOL)
+                if left:
+                    place, attempt = left.pop()
+                    request = pickle.dumps((function, jobs[place]), pickle.HIGHEST_PROTOCOL)
                     future = workers.client.submit(limited, request, limit_s, code(), workers=[address], pure=False)
-                    at_work[address] = future, *one, time.monotonic()
+                    at_work[address] = future, place, attempt, time.monotonic()
                     future.add_done_callback(ended.put)
             seen_s = time.monotonic() if there else seen_s
             if not there and tell:
@@ -184,7 +183,7 @@ def run(
                         missing -= 1
                         yield outcome
                     else:
-                        again.append((place, attempt + 1))
+                        left.append((place, attempt + 1))
     finally:
         if workers.client.status == "running":
             workers.client.cancel([future for future, *_ in at_work.values()])

@@ -134,7 +134,7 @@ def _errors(path: Path, damage: Damage, *kinds: type[Exception]) -> Iterator[Non
             raise
         reason = str(e) or type(e).__name__
         if not damage.read:
-            hint = "check the path and your rights" if type(e) is PermissionError else ENDS_IN
+            hint = "check the path and your rights" if isinstance(e, OSError) and e.errno else ENDS_IN
             raise InputError(f"cannot be read: {reason}", file=path, hint=hint) from None
         damage.stopped = reason
     if not damage.read:
