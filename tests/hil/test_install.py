@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.page_commands import run_by
-from tests.support.unit_train import UNIT, Train, dpkg, journal, main_pid, package, prop, systemctl
+from tests.support.unit_train import BUILT, UNIT, Train, dpkg, journal, main_pid, package, prop, systemctl
 from wrcd import __version__
 from wrcd.config.config import DEFAULT
 
@@ -157,7 +157,7 @@ def test_package_is_run_upgraded_and_removed_without_a_trace(train: Train, tmp_p
         for step in run_by("tests/hil/test_install.py", "docs/how-to/install-on-train.md")
     )
     assert enable == ["systemctl", "enable", "--now", UNIT]  # in use()
-    old, new = package("*~studies"), package(__version__)
+    old, new = package(BUILT / "older"), package()
     database = dpkg(tmp_path, old)
     before, rmem = changes(*SYSTEMD, *DPKG), RMEM.read_text()
     check_refused_beside_another_installation(database, new)
