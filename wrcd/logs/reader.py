@@ -125,9 +125,12 @@ def _errors(path: Path, damage: Damage, *kinds: type[Exception]) -> Iterator[Non
     except (FileNotFoundError, IsADirectoryError):
         raise InputError("no such log", file=path, hint="check the path") from None
     except kinds as e:
+        if isinstance(e, MemoryError):
+            raise
         reason = str(e) or type(e).__name__
         if not damage.read:
-            raise InputError(f"cannot be read: {reason}", file=path, hint=ENDS_IN) from None
+            hint = "check the path and your rights" if isinstance(e, OSError) and e.errno else ENDS_IN
+            raise InputError(f"cannot be read: {reason}", file=path, hint=hint) from None
         damage.stopped = reason
     if not damage.read:
         raise InputError("has not one readable frame", file=path, hint=ENDS_IN)
