@@ -124,7 +124,7 @@ bench: $(READY)
 mutants: build/mutants/lib/mutmut
 	rm -rf build/mutants/tree
 	mkdir -p build/mutants/tree
-	cp -r wrcd sim_ecu dbc tests systemd pyproject.toml README.md build/mutants/tree
+	cp -r wrcd sim_ecu dbc tests pyproject.toml README.md build/mutants/tree
 	cd build/mutants/tree && export PYTHONPATH=../lib && $(CURDIR)/$(BIN)/python -m mutmut run && \
 	    $(CURDIR)/$(BIN)/python -m mutmut results
 

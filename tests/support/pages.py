@@ -13,7 +13,6 @@ python -m tests.support.pages --all     the expensive ones too: fault matrix and
 import argparse
 import contextlib
 import io
-import itertools
 import math
 import re
 import shlex
@@ -23,9 +22,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sim_ecu import resources as rig
-from sim_ecu.campaign import factors
-from sim_ecu.campaign.definition import KINDS
-from sim_ecu.campaign.kind import Factor, Kind, Metric
 from sim_ecu.cli import main as rig_cli
 from sim_ecu.loop import drive_scenario as drive_keys
 from sim_ecu.physics.contact import CURVES
@@ -58,7 +54,6 @@ SECTIONS: dict[str, tuple[str, ...]] = {
 }
 SECTION = re.compile(r"^\*\*([\w -]+)\*\*: ", re.MULTILINE)
 BLOCK = re.compile(r"^<!-- (command|made): (.+?) -->\n(.*?)^<!-- end -->$", re.MULTILINE | re.DOTALL)
-MAX_OF_A_FAMILY = 4  # figures of a kind whose names begin alike: more of them are one row
 NUMBERED = re.compile(r"_A\d+$")
 # What a comment of the DBC says of one input or of another; messages() has such signals in one row.
 OF_AN_INPUT = re.compile(r"(Whether|of) the (?:yaw rate|lateral acceleration|torque|vehicle speed)( is past|:| within)")
@@ -302,72 +297,6 @@ def lint_of(file: str) -> list[str]:
     return ["```text", *lines[:first], "...", lines[last], "```"]
 
 
-def campaign_kinds() -> list[str]:
-    """Every kind of job with its factors and figures; what an earlier kind has, too, by its name."""
-    out: list[str] = []
-    for at, kind in enumerate(KINDS):
-        before = KINDS[:at]
-        out += [*([""] if out else []), f"### {kind.name}", "", f"{kind.words[:1].upper()}{kind.words[1:]}.", ""]
-        head = ("factor", "takes", "default", "what")
-        out += _new(head, _factors(kind), [(k.name, _factors(k)) for k in before])
-        out += _new(("figure", "unit, better", "what"), _figures(kind), [(k.name, _figures(k)) for k in before])
-        grouped = f"Rows are compared by `{kind.suite}`." if kind.suite else ""
-        out += [" ".join(filter(None, (grouped, _seeded(kind))))]
-    return out
-
-
-def _new(head: tuple[str, ...], rows: list[Row], before: list[tuple[str, list[Row]]]) -> list[str]:
-    """A table of the rows that no earlier kind has, and a sentence that names the others."""
-    known = {row: name for name, found in reversed(before) for row in found}
-    out = [*table(head, [row for row in rows if row not in known]), ""]
-    for name, _ in before:
-        if same := [str(row[0]) for row in rows if known.get(row) == name]:
-            out += [f"As of {name}: {', '.join(same)}.", ""]
-    return out
-
-
-def _seeded(kind: Kind) -> str:
-    return "" if kind.seeded else "It has no `seed`: `seeds` and `first_seed` are not of it."
-
-
-def _factors(kind: Kind) -> list[Row]:
-    rows: list[Row] = []
-    for f in kind.factors:
-        takes = ", ".join(f.choices) or f.type.value
-        rows.append((f"`{f.name}`", f"{takes}{f.unit and f', {f.unit}'}", _default(f), f.words))
-    return [*rows, *((f"`{prefix}KEY`", "the key's own", "–", "any key, see above") for prefix in kind.open_factors)]
-
-
-def _default(factor: Factor) -> str:
-    if factor.needed:
-        return "needed"
-    if isinstance(factor.default, bool):
-        return str(factor.default).lower()
-    return "–" if factor.default in (None, "") else str(factor.default)
-
-
-def _family(figure: Metric) -> tuple[str, str]:
-    """What the names and the words of figures that belong together begin with."""
-    return figure.name.partition("_")[0], re.split("[,:] ", figure.words)[0]
-
-
-def _unit(figure: Metric) -> str:
-    return ", ".join(filter(None, (figure.unit, figure.better)))
-
-
-def _figures(kind: Kind) -> list[Row]:
-    """Its figures; those of a row in a family, such as cause_…, as one."""
-    rows: list[Row] = []
-    for family, of in itertools.groupby(kind.figures, _family):
-        figures = list(of)
-        if len(figures) > MAX_OF_A_FAMILY:
-            names = f"`{figures[0].name}` … `{figures[-1].name}`"
-            rows.append((names, _unit(figures[0]), f"{family[1]}, of each"))
-        else:
-            rows += [(f"`{f.name}`", _unit(f), f.words) for f in figures]
-    return rows
-
-
 HEADLINES = (
     "worlds: its own vehicle, mean error", "worlds: its own vehicle, its own interval holds the truth",
     "worlds: its own vehicle, Valid and wrong, share of frames", "worlds: slopes untied, mean error",
@@ -415,9 +344,6 @@ MAKERS: dict[str, Callable[..., list[str]]] = {
     "tracks": tracks,
     "vehicles": vehicles,
     "accuracy": accuracy,
-    "campaign-keys": lambda: key_rows(factors.HEAD),
-    "campaign-range": lambda: key_rows(factors.RANGE),
-    "campaign-kinds": campaign_kinds,
 }
 
 

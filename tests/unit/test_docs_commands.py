@@ -14,8 +14,7 @@ REASONS = {
     "it asks a package index": 1,
     "it is all tests": 2,
     "it writes the pages": 1,
-    "minutes": 3,
-    "hours": 1,
+    "minutes": 4,
     "it needs the dump of your train": 1,
     "it would overwrite a golden file": 1,
 }

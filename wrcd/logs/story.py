@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from wrcd import __version__
 from wrcd.bus.codec import message_key
 from wrcd.bus.dbc import Database, find_message
+from wrcd.bus.reasons import Reason
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
@@ -30,7 +31,6 @@ from wrcd.logs.story_events import NewChanges
 from wrcd.logs.story_records import AdhesionRecord, Detail, Story, StoryAxle, TruthRecord
 from wrcd.logs.time_order import Onward
 from wrcd.progress import Progress
-from wrcd.recorder.resume import load, state_file
 
 SENT, ESTIMATED = "frames of the log", "estimated here"
 MAX_PART_MISSING = 0.01  # of a log, without wrcd's frames, before it is reported
@@ -39,12 +39,13 @@ LAST_TICK_US = 20_000  # before a step of the clock: what was not reported of it
 
 @dataclass(frozen=True, slots=True)
 class Estimated:
-    """What came of a log: frames by their message, changes in their order, frames that were accepted; by axle number
-    what the core estimated for its Adhesion frames."""
+    """What came of a log: frames by their message, changes in their order, frames that were accepted and (by message
+    and reason) refused; by axle number what the core estimated for its Adhesion frames."""
 
     sent: Scan
     changes: tuple[Change, ...]
     accepted: int
+    refused: Mapping[tuple[str, Reason], int]
     answers: Mapping[int, "FrameEstimates"]
 
 
@@ -103,10 +104,7 @@ def estimate(
         message_key(find_message(config.database, a.adhesion.message)): (place, answers[a.number])
         for place, a in enumerate(config.axles)
     }
-    # it goes on from the state that lies beside a recorder's log
-    saved = load(state_file(log), core) if state_file(log).exists() else None
-    before = core.counts.accepted
-    for number, (o, _) in enumerate(outgoing_of_log(core, reader, saved)):
+    for number, (o, _) in enumerate(outgoing_of_log(core, reader)):
         stamp_us = gathering.put(onward.moved((o.frame, channel or "")))
         if (found := of_message.get(o.frame.key)) is not None:
             found[1].put(stamp_us, o.why, found[0], o.cause)
@@ -114,7 +112,8 @@ def estimate(
         if number % 1024 == 0:
             reached(o.frame.stamp_us + onward.correction_us)
     changes += [_onward(c, onward) for c in new_changes.take()]
-    return Estimated(gathering.done(log), tuple(changes), core.counts.accepted - before, answers)
+    counts = core.counts
+    return Estimated(gathering.done(log), tuple(changes), counts.accepted, dict(counts.rejected_by_message), answers)
 
 
 def _onward(change: Change, onward: Onward) -> Change:
@@ -186,6 +185,7 @@ def gather(
         distance(speed), torque, status, rejects, link,
         statistics.bus(found, config, databases, truth_keys, own.keys, wrong, bit_rate), (), (), tuple(warnings),
         config, _versions(config), found.whole, found.clock_steps,
+        estimated.accepted if estimated else 0, estimated.refused if estimated else {},
     )  # fmt: skip
     return verdict.judged(story_events.with_falls(story))
 
