@@ -93,8 +93,9 @@ class Peer:
     python-can's Message and send: no CRC, no counter."""
 
     def __init__(self, end: socket.socket) -> None:
-        self._bus, self._database = PairBus(end), cantools.database.load_file(resources.DBC)  # as a user loads it
-        assert isinstance(self._database, Database)
+        database = cantools.database.load_file(resources.DBC)  # as a user loads it
+        assert isinstance(database, Database)
+        self._bus, self._database = PairBus(end), database
 
     def take(self, count: int) -> list[dict[str, Any]]:
         """Decoded signals of so many frames."""
@@ -103,12 +104,12 @@ class Peer:
             m = self._bus.recv(0.0)
             assert m is not None
             # a bytearray is no bytes to the types, and a conversion would be the bench's own cost
-            out.append(self._database.decode_message(m.arbitration_id, m.data, decode_choices=False))  # type: ignore[arg-type,union-attr]
+            out.append(self._database.decode_message(m.arbitration_id, m.data, decode_choices=False))  # type: ignore[arg-type]
         return out
 
     def send(self) -> bytes:
         # words and numbers side by side, which cantools takes and its types do not say
-        data = self._database.encode_message("Adhesion_A1", {"Crc": 0, "Counter": 0, **ADHESION})  # type: ignore[dict-item,union-attr]
+        data = self._database.encode_message("Adhesion_A1", {"Crc": 0, "Counter": 0, **ADHESION})  # type: ignore[dict-item]
         self._bus.send(can.Message(arbitration_id=0x091, data=data, is_extended_id=False))
         return data
 
