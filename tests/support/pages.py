@@ -13,6 +13,7 @@ python -m tests.support.pages --all     the expensive ones too: fault matrix and
 import argparse
 import contextlib
 import io
+import itertools
 import math
 import re
 import shlex
