@@ -13,6 +13,7 @@ python -m tests.support.pages --all     the expensive ones too: fault matrix and
 import argparse
 import contextlib
 import io
+import itertools
 import math
 import re
 import shlex
@@ -108,10 +109,12 @@ def make(block: Block) -> str:
 
 def short(command: str, output: str) -> str:
     """Return what a page keeps of an expensive command's output: its head and the sections of SECTIONS."""
-    begins = [m.start() for m in SECTION.finditer(output)]
-    parts = [output[a:b] for a, b in zip([0, *begins], [*begins, len(output)], strict=True)]
-    kept = (part for part in parts[1:] if SECTION.match(part)[1] in SECTIONS[command])  # type: ignore[index]
-    return "".join((parts[0], *kept))
+    found = [*SECTION.finditer(output)]
+    begins = [*(m.start() for m in found), len(output)]
+    kept = (
+        output[a:b] for m, (a, b) in zip(found, itertools.pairwise(begins), strict=True) if m[1] in SECTIONS[command]
+    )
+    return "".join((output[: begins[0]], *kept))
 
 
 def run(command: str) -> str:
