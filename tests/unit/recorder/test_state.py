@@ -44,7 +44,7 @@ PACKAGES = ("wrcd.estimator.", "wrcd.bus.", "wrcd.core.", "wrcd.recorder.")
 def objects(root: Any) -> Iterator[tuple[str, Any]]:
     """Everything of our packages that a core is made of, by path. Frozen things count as values, the compiled
     estimator as the reference in its state."""
-    seen: set[int] = set()
+    seen: dict[int, Any] = {}  # kept alive: a reference is made for the walk, and what follows would take its ids
 
     def walk(path: str, value: Any) -> Iterator[tuple[str, Any]]:
         if isinstance(value, CompiledEstimator):
@@ -56,7 +56,7 @@ def objects(root: Any) -> Iterator[tuple[str, Any]]:
             for i, v in enumerate(value):
                 yield from walk(f"{path}[{i}]", v)
         elif ours(value) and id(value) not in seen:
-            seen.add(id(value))
+            seen[id(value)] = value
             yield path, value
             for name in attributes(value):
                 yield from walk(f"{path}.{name}", getattr(value, name))
