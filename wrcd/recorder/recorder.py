@@ -23,7 +23,7 @@ from wrcd.recorder.writer import Child, Request, start
 # Of 130 simulated logs that were begun anew, 0.3 % of the Adhesion frames after it have other bytes with multiple-unit,
 # none of a sound ride; docs/how-to/read-a-recorder-dump.md has the figures by kind.
 PRE_ROLL_S = 60.0
-PRE_ROLL = "the pre-roll ends: from here on compare a replay with what was sent"
+PRE_ROLL_ENDS = "the pre-roll ends: from here on compare a replay with what was sent"
 LOST_SLOTS = 5  # in a row without Valid: less is a hiccup
 
 
@@ -129,7 +129,7 @@ class Recorder:
             return
         # what begins with the daemon itself has forgotten nothing
         equal_us = ring.stamp_us(first) + (round(PRE_ROLL_S * 1e6) if first else 0)
-        rows = [csv_line(COLUMNS), csv_line((csv_time(equal_us), "", "", "", "", PRE_ROLL))]
+        rows = [csv_line(COLUMNS), csv_line((csv_time(equal_us), "", "", "", "", PRE_ROLL_ENDS))]
         request = Request(
             folder=str(self._folder),
             name=self._name,

@@ -9,6 +9,7 @@ import pytest
 
 from tests.support.daemon_frames import DEGRADED, GOOD, NOTHING, REACHED, START_US, DaemonFrames
 from wrcd.bus.dbc import find_message, load_dbc
+from wrcd.bus.codec import Value
 from wrcd.bus.frame import Frame
 from wrcd.bus.writers import Writer
 from wrcd.config.config import load_config
@@ -88,8 +89,8 @@ def test_daemon_that_never_spoke_is_said_to(config: Config) -> None:
 
 
 def test_daemon_with_another_design_is_named(config: Config, made: DaemonFrames) -> None:
-    status = {"State": "Running", "DesignChecksum": 1.0}
-    model = fed(BusModel(config), [*made.stretch(20_000, 120_000, GOOD), made.frame(config.status, 100_000, status)])  # type: ignore[arg-type]
+    status: dict[str, Value] = {"State": "Running", "DesignChecksum": 1.0}
+    model = fed(BusModel(config), [*made.stretch(20_000, 120_000, GOOD), made.frame(config.status, 100_000, status)])
     now = daemon_at(model, model.now_us)
     assert now.level == "warn"
     assert now.parts[0].startswith("runs another design (0001, here ")
