@@ -37,8 +37,14 @@ LATER = {
         "compare-two-designs", "judge-a-fleets-logs", "read-a-recorder-dump", "run-a-campaign", "tune-a-design"
     )
 }  # fmt: skip
-# What has ended in the background must have ended well.
-CHECK = 'for job in $(jobs -p); do kill -0 "$job" 2>/dev/null || wait "$job"; done'
+# What has ended in the background must have ended well. bash forgets what it has not been asked to remember.
+BACKGROUND = re.compile(r"(?<!&)&[ \t]*$", re.MULTILINE)
+REMEMBER = '& jobs="$jobs $!"'
+CHECK = """check() {
+    local job left=
+    for job in $jobs; do if kill -0 "$job" 2>/dev/null; then left="$left $job"; else wait "$job"; fi; done
+    jobs=$left
+}"""
 
 
 def to_run(page: str) -> list[Block]:
@@ -59,13 +65,13 @@ def has_vcan() -> bool:
 
 def script(steps: list[Block]) -> tuple[list[str], str]:
     """What runs bash, and what bash runs: each block after a line that names it."""
-    lines = ["set -euo pipefail"]
+    lines = ["set -euo pipefail", "jobs=", CHECK]
     on_a_bus = any(BUS in step.body for step in steps)
     if on_a_bus:
         lines.append(VCAN if has_vcan() else LOOPBACK)
     for step in steps:
         body = step.body if has_vcan() or not on_a_bus else step.body.replace(BUS, MULTICAST)
-        lines += [f"echo {shlex.quote(f'-- {step.name}')}", body, CHECK]
+        lines += [f"echo {shlex.quote(f'-- {step.name}')}", BACKGROUND.sub(REMEMBER, body), "check"]
     return NETWORK if on_a_bus else [], "\n".join(lines)
 
 
