@@ -48,7 +48,8 @@ def sections() -> list[tuple[str, list[str]]]:
         lines = re.findall(r"^- .+", part, re.MULTILINE)
         links = [link for line in lines for link in re.findall(r"\]\(([^)#]+)\.md\)", line)]
         pages = [(ROOT / INDEX).parent.joinpath(link).resolve().relative_to(ROOT).as_posix() for link in links]
-        found.append((part.partition("\n")[0].strip(), pages))
+        if pages:
+            found.append((part.partition("\n")[0].strip(), pages))
     return found
 
 

@@ -1,4 +1,4 @@
-"""Every key of a scenario, by table: the parser reads by these, and docs/reference/scenario.md is made from them."""
+"""Every key of a scenario, by table: the parser reads by these, and a test compares docs/reference/scenario.md with them."""
 
 from collections.abc import Mapping
 

@@ -33,7 +33,7 @@ def of_axles(production: Database, rig: Database | None, axles: int) -> list[Mes
 
 
 def table(production: Database, rig: Database, max_axles: int) -> list[str]:
-    """The table of docs/reference/bus-load.md: a line of Markdown each."""
+    """The table of docs/reference/messages.md: a line of Markdown each."""
     head = ["axles", "frames/s", *(f"{rate // 1000} kbit/s" for rate in BIT_RATES), "500 kbit/s with the truth"]
     out = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
     for axles in range(1, max_axles + 1):

@@ -22,13 +22,13 @@ from sim_ecu.campaign.campaign_folder import RESULTS, ROWS
 from sim_ecu.cli.main import main
 from sim_ecu.jobs import cluster, pool
 from sim_ecu.jobs.job import Ending
-from tests.support.page_commands import run_by
+from tests.support.pages import blocks
 from tests.support.processes import ROOT, running, wait_for
 from tests.support.trial_kind import Write, lines, meanwhile, rows
 
 WAIT_S = 60
 # How the page starts them; here with a free port, and each worker by itself and mortal.
-(PAGE,) = run_by("tests/unit/campaign/test_cluster.py", "docs/how-to/run-a-campaign.md")
+(PAGE,) = (b for b in blocks(ROOT / "docs/how-to/run-a-campaign.md") if "dask scheduler" in b.body)
 ADDRESS, PORT = "tcp://127.0.0.1:8786", "8786"
 SCHEDULER, WORKER = (shlex.split(c.removesuffix("&"))[1:] for c in PAGE.commands[:2])
 

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from tests.support.kit.building import COMPILERS, make, needs_compiler, run_make, written
 from tests.support.kit.trains import odd_train
-from tests.support.page_commands import run_by
-from tests.support.pages import ROOT
+from tests.support.pages import ROOT, run_by
 from wrcd import __version__
 from wrcd.config.config import load_config
 from wrcd.errors import InputError
@@ -91,7 +90,7 @@ def test_sanitizers_find_nothing(copied: Path) -> None:
 
 @pytest.mark.skipif(not HAS_ARM, reason="there is no compiler or no qemu for Arm")
 def test_estimator_says_the_same_on_a_32_bit_arm(copied: Path) -> None:
-    (step,) = run_by("tests/unit/kit/test_kit_estimator.py", "docs/how-to/run-on-an-ecu.md")
+    (step,) = run_by("tests/unit/kit/test_kit_estimator.py", PAGE)
     (command,) = step.commands
     judge(make(copied, *command.removeprefix("make -C estimator ").split()), axles=4)
 

@@ -126,5 +126,5 @@ def test_unknown_name_is_refused_with_what_there_is(tmp_path: Path) -> None:
 
 def test_scenario_of_the_page_is_one() -> None:
     page = (ROOT / "docs/reference/scenario.md").read_text()
-    s = read(page.partition("<!-- file: stop.toml -->\n```toml\n")[2].partition("```")[0])
+    s = read(page.partition("## A scenario to drive")[2].partition("```toml\n")[2].partition("```")[0])
     assert (s.actuators.full_brake_N_m, s.actuators.pneumatics.fill_s) == (20e3, 0.4)

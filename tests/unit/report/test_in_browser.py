@@ -1,0 +1,60 @@
+"""The report in a headless chromium: it is drawn, it zooms, it explains, and it fits a narrow screen."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from tests.support.chromium import PATH, Opened, chromium, opened
+from tests.support.story_columns import synthetic
+from wrcd.report import report_page
+
+SECONDS, AXLES = 60.0, 2
+WIDE, NARROW = 1280, 400
+NOT_DRAWN = """() => [...document.querySelectorAll("figure[data-plot]")].filter((f) => !f.querySelector(".plot > *"))
+  .map((f) => f.dataset.plot)"""
+
+
+def shown_range(found: Opened) -> tuple[float, float]:
+    """Seconds in view, as the panel says them."""
+    found.settle()
+    seconds = re.findall(r"([\d.]+) s", found.page.locator("#range").inner_text())
+    return float(seconds[0]), float(seconds[1])
+
+
+def fits(found: Opened, width: int) -> None:
+    assert found.page.evaluate("document.documentElement.scrollWidth") <= width
+
+
+@pytest.mark.skipif(not Path(PATH).exists(), reason=f"there is no {PATH}; install Debian's package chromium")
+def test_report_is_drawn_zooms_explains_and_fits_a_narrow_screen(tmp_path: Path) -> None:
+    file = tmp_path / "report.html"
+    report_page.write(synthetic(SECONDS, AXLES), None, file)
+    with chromium() as browser:
+        with opened(browser, file, WIDE) as found:
+            page = found.page
+            assert page.locator("#trouble").is_hidden()
+            plots = page.locator("figure[data-plot]").count()
+            assert plots >= 15
+            assert page.evaluate("Bokeh.documents.length") == plots
+            assert page.evaluate(NOT_DRAWN) == []
+            for axle in range(1, AXLES + 1):
+                assert page.locator(f'figure[data-plot="axle{axle}.time"]').count() == 1
+            fits(found, WIDE)
+            page.keyboard.press("+")  # at the cursor
+            low, high = shown_range(found)
+            assert high - low == pytest.approx(SECONDS * 2 / 3, abs=0.05)
+            page.keyboard.press("Home")
+            assert shown_range(found) == (0.0, SECONDS)
+            page.locator("button.fall", has_text="axle 2").first.click()
+            low, high = shown_range(found)
+            assert 0.0 < low < high < SECONDS
+            assert re.search(r"available \d+\.\d\d %.*Rule \d+: ", page.inner_text("#explanation"), re.DOTALL)
+            assert page.locator('#axles button[aria-checked="true"]').inner_text() == "axle 2"
+            assert found.complaints == []
+        with opened(browser, file, NARROW) as found:
+            fits(found, NARROW)
+            found.page.locator("button.fall").first.click()
+            found.settle()
+            fits(found, NARROW)
+            assert found.complaints == []
