@@ -42,7 +42,8 @@ class Opened:
     def settle(self) -> None:
         """Wait for some frames: what was asked for is drawn then."""
         self.page.evaluate(
-            "new Promise((done) => { let n = 4; const next = () => n-- ? requestAnimationFrame(next) : done(); next(); })"
+            "new Promise((done) => { let n = 4; const next = () => (n-- ? requestAnimationFrame(next) : done()); "
+            "next(); })"
         )
 
     def _said(self, kind: str, text: str) -> None:

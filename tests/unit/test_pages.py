@@ -1,8 +1,8 @@
 """The shell blocks of README, tutorial and how-tos do what the pages say: they run, and end with status 0.
 
 A page is one bash, which takes its blocks in order, in a folder of its own with dbc/ and examples/ in it. What a block
-leaves in the background goes on to the end of the page, and is ended there. `<!-- skip: REASON -->` above a block leaves
-it out. Two programs on one bus have a network of their own: vcan0 where the kernel has vcan, else python-can's
+leaves in the background goes on to the end of the page, and is ended there. `<!-- skip: REASON -->` above a block
+leaves it out. Two programs on one bus have a network of their own: vcan0 where the kernel has vcan, else python-can's
 udp_multicast on the loopback device, put in the place of BUS by its words.
 """
 
