@@ -1,4 +1,4 @@
-"""Every key of a scenario, by table: the parser reads by these, and a test compares docs/reference/scenario.md with them."""
+"""Every key of a scenario, by table: the parser reads by these, and docs/reference/scenario.md has them."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""What each exit status of each command means: the page is made from it, and tests try each."""
+"""What each exit status of each command means: the page has them, and tests try each."""
 
 from wrcd.errors import Status
 

@@ -10,6 +10,7 @@ import contextlib
 import os
 import re
 import shlex
+import shutil
 import signal
 import subprocess
 import sys
@@ -104,6 +105,8 @@ def end(group: int) -> None:
 
 def run(steps: list[Block], folder: Path) -> None:
     """Run the blocks of a page. Raises AssertionError with page, line, block and output where one fails."""
+    if any("make -C" in step.body for step in steps) and shutil.which("cc") is None:
+        pytest.skip("there is no C compiler")
     furnish(folder)
     network, text = script(steps)
     env = {k: v for k, v in os.environ.items() if not k.startswith("CAN_")}
