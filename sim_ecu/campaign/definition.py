@@ -1,208 +1,227 @@
-"""CAMPAIGN.toml: the request, as a list of jobs whose inputs are checked."""
+"""CAMPAIGN.toml: what is asked, as jobs whose inputs are checked."""
 
+import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
-from sim_ecu.campaign import factors
-from sim_ecu.campaign.campaign_folder import CampaignRequest
-from sim_ecu.campaign.factors import SEED, Point, Spread, drawn, full, read_factors
-from sim_ecu.campaign.kind import Kind, Type
+import numpy as np
+from scipy.stats import qmc
+
+from sim_ecu.campaign.kind import WORDS, Factor, Job, Kind, Scalar, Type
 from sim_ecu.campaign.kinds.drive import DRIVE
-from sim_ecu.campaign.kinds.log import KIND as LOG
+from sim_ecu.campaign.kinds.log import LOG
 from sim_ecu.campaign.kinds.play_kind import PLAY
 from sim_ecu.campaign.kinds.score import SCORE
-from sim_ecu.jobs.job import Job, Task, code, digest
+from sim_ecu.jobs.digests import digest, key_of
+from sim_ecu.jobs.pool import LIMIT_S
+from wrcd.config.keys import Choice, Number, Text, Whole
 from wrcd.config.section import Section, suggest
 from wrcd.config.settings import read_toml
-from wrcd.errors import InputError, InputErrors
+from wrcd.errors import InputError
+from wrcd.progress import Progress
 
 KINDS: tuple[Kind, ...] = (DRIVE, PLAY, SCORE, LOG)
-MAX_JOBS = 1_000_000
-MOST_NAMED = 20  # mistakes in jobs: more would say the same
-Checked = Callable[[int, int], None]
+FULL, RANDOM, LATIN = "full", "random", "latin"
+SEED = "seed"
+MANY = 1_000_000
+MAX_SEED = 4_000_000_000  # beyond any that a run is given by hand; the rig takes all from 0 on
+TITLE, KIND = Text("title", ""), Text("kind", "", needed=True)
+METHOD = Choice("method", "", (FULL, RANDOM, LATIN), FULL)
+POINTS, DRAW = Whole("points", "", 1, MANY), Whole("draw", "", 0, MAX_SEED, 1)
+SEEDS, FIRST_SEED = Whole("seeds", "", 1, MANY, 1), Whole("first_seed", "", 0, MAX_SEED, 1)
+LIMIT = Number("limit_s", "", 0.1, 1e6, LIMIT_S)
+STEPS = Whole("steps", "", 2, MANY)
+RANGE = ("from", "to", "steps", "log", "whole")
+# the type of a factor that is not listed, by those of its values in the file
+OPEN = {frozenset({of}): of for of in WORDS} | {frozenset({int, float}): float}
+DIGITS = 9  # of a value that is drawn: enough for any quantity, and written the same everywhere
+Point: TypeAlias = dict[str, Scalar]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
+class FactorValues:
+    """A factor's values: a list of them, or numbers from low to high, evenly or (log) evenly by their logarithm."""
+
+    type: Type
+    values: Sequence[Scalar] = ()
+    low: float = 0.0
+    high: float = 0.0
+    log: bool = False
+
+    def at(self, share: float) -> Scalar:
+        """Return the value at a share (0 to 1) of the list or the way."""
+        if self.values:
+            return self.values[min(int(share * len(self.values)), len(self.values) - 1)]
+        way = self.high - self.low
+        if self.type is int:
+            return int(min(np.floor(self.low + share * (way + 1)), self.high))
+        exact = self.low * (self.high / self.low) ** share if self.log else self.low + share * way
+        return min(max(float(f"{exact:.{DIGITS}g}"), self.low), self.high)
+
+
+@dataclass(frozen=True, slots=True)
 class Campaign:
-    """What a file requests. jobs: each once, file names as they are written. folder: what those are relative to.
+    """What is asked. columns: the jobs' inputs with their types. drops: rows that are not asked for any more go."""
 
-    factors: those that vary, with their values. seeds: of every point; None for a kind without. twice: points that were
-    drawn more than once. limit_s: None for none.
-    paths: by the values of the factors that are files: contents of what is read, by absolute path.
-    """
-
-    request: CampaignRequest
-    jobs: tuple[Job, ...]
-    factors: Mapping[str, Spread]
-    seeds: range | None
-    twice: int
-    limit_s: float | None
+    title: str
+    kind: Kind
+    columns: Mapping[str, Type]
+    jobs: Sequence[Job]
     folder: Path
-    paths: Mapping[tuple[Any, ...], Mapping[str, str]]
-
-    @cached_property
-    def keys(self) -> list[str]:
-        """The jobs' keys, in their order."""
-        return [job.key(self.request.code) for job in self.jobs]
-
-    def task(self, job: Job) -> Task:
-        """The job as it goes to a worker."""
-        request, inputs = self.request, placed(self.request.kind, job.inputs, self.folder)
-        kind, files = request.kind, self.paths[_files(request.kind, inputs)]
-        return Task(kind.function, Job(job.kind, inputs, job.files), files, request.code)
-
-    def cost(self, job: Job) -> float:
-        """Return about what the job costs, in the kind's unit."""
-        return self.request.kind.cost(placed(self.request.kind, job.inputs, self.folder))
+    limit_s: float
+    drops: bool = False
 
 
-def load_campaign(file: Path, checked: Checked = lambda _done, _of: None) -> Campaign:
-    """Read and check everything: the file, then every job's inputs as its kind can. Raises InputError, or InputErrors
-    with all mistakes. checked: called with how many of how many are checked."""
-    top = read_toml(file, collect=True)
-    method = factors.METHOD.value(top)
-    count, draw = _drawn_points(top, method), factors.DRAW.value(top)
-    title, limit_s = factors.TITLE.read(top) or file.stem, factors.LIMIT.read(top)
-    kind = _kind(top)
-    seeds = _seeds(top, kind)
-    fixed, varied = read_factors(top, kind, method == factors.FULL)
+def load_campaign(file: Path) -> Campaign:
+    """Read and check everything: the file, then every point as its kind can. Raises InputError, or InputErrors with all
+    mistakes of the file."""
+    top, folder = read_toml(file, collect=True), file.parent.resolve()
+    name, known = KIND.value(top), {k.name: k for k in KINDS}
+    if name not in known:  # nothing else can be read
+        raise top.error(f"is {name!r}, which is no kind", "kind", suggest(name, known) or f"kinds: {', '.join(known)}")
+    kind, method, title, limit_s = known[name], METHOD.value(top), TITLE.read(top) or file.stem, LIMIT.value(top)
+    # what the method or the kind has not is an unknown key
+    count, draw = (0, 0) if method == FULL else (POINTS.read(top) or 0, DRAW.value(top))
+    first, many = (FIRST_SEED.value(top), SEEDS.value(top)) if kind.seeded else (0, 0)
+    if method != FULL and POINTS.name not in top:
+        top.mistake(top.absent(POINTS.name, "how many points to draw"))
+    fixed, varied = _factors(top, kind, method == FULL)
     top.done()
     top.finish()
-    stays: Point = {name: g.every()[0] for name, g in fixed.items()}
-    runs = (len(seeds) if seeds else 1) * (count or math.prod(len(s.every()) for s in varied.values()))
-    if runs > MAX_JOBS:
-        raise top.error(f"there are {runs} jobs, more than {MAX_JOBS}", hint="fewer values, or method latin")
-    every = list(drawn(varied, method, count, draw) if varied and count else full(varied))
-    drawn_once = list({tuple(p.items()): stays | p for p in every}.values())
-    folder = file.parent
-    points = [p for point in drawn_once for p in _meant(kind, point, folder, top)]
-    types = {name: g.type for name, g in (fixed | varied).items()}
-    types |= {f.name: f.type for f in kind.factors if f.name in points[0] and f.name not in types}
-    types |= {SEED: Type.WHOLE} if seeds else {}
-    jobs, paths = _jobs(kind, seeds, points, folder, top, checked)
-    request = CampaignRequest(title, kind, types, code(kind.function.__module__))
-    return Campaign(request, jobs, varied, seeds, len(every) - len(drawn_once), limit_s, folder.resolve(), paths)
-
-
-def placed(kind: Kind, inputs: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """The inputs with file names that can be opened from here; folder is what they were relative to."""
-    out = dict(inputs)
-    for factor in kind.factors:
-        if (path := factor.path(out.get(factor.name))) is not None:
-            out[factor.name] = str(folder / path)
-    return out
-
-
-def _meant(kind: Kind, point: Point, folder: Path, top: Section) -> Iterator[Point]:
-    """The points that one stands for, file names as they are written. Raises InputError."""
-    try:
-        for inputs in kind.points(placed(kind, point, folder)):
-            yield {**inputs, **point}
-    except InputError as e:
-        raise _of_job(e, point, top) from None
-
-
-def _kind(top: Section) -> Kind:
-    """Raises InputError without one, for nothing else can be read then."""
-    names = [k.name for k in KINDS]
-    name = top.get(factors.KIND.name, str, "")
-    kind = next((k for k in KINDS if k.name == name), None)
-    if kind is None:
-        reason = "is missing" if "kind" not in top else f"is {name!r}, which is no kind"
-        top.mistake(top.error(reason, "kind", suggest(name, names) or f"kinds: {', '.join(names)}"))
-        top.finish()
-        raise AssertionError
-    return kind
-
-
-def _drawn_points(top: Section, method: str) -> int:
-    """0 of a full factorial."""
-    points = factors.POINTS.read(top)
-    for key in (factors.POINTS.name, factors.DRAW.name):
-        if method == factors.FULL and key in top:
-            top.mistake(top.error("is of method random or latin", key, "a full factorial takes all combinations"))
-    if method != factors.FULL and factors.POINTS.name not in top:
-        top.mistake(top.absent(factors.POINTS.name, "how many points to draw"))
-    return points or 0
-
-
-def _seeds(top: Section, kind: Kind) -> range | None:
-    if not kind.seeded:
-        for key in (factors.SEEDS.name, factors.FIRST_SEED.name):
-            if top.raw(key) is not None:
-                top.mistake(top.error(f"is not of {kind.name}, which has no seed", key, "leave it out"))
-        return None
-    first = factors.FIRST_SEED.value(top)
-    return range(first, first + factors.SEEDS.value(top))
-
-
-def _jobs(
-    kind: Kind, seeds: range | None, points: Sequence[Point], folder: Path, top: Section, checked: Checked
-) -> tuple[tuple[Job, ...], dict[tuple[Any, ...], dict[str, str]]]:
-    """Jobs of all points, and what they read. Every point is checked with its first seed: the others are like it."""
-    named: dict[tuple[Any, ...], dict[str, str]] = {}
-    paths: dict[tuple[Any, ...], dict[str, str]] = {}
+    runs = max(many, 1) * (count or math.prod(len(s.values) for s in varied.values()))
+    if runs > MANY:
+        raise top.error(f"there are {runs} jobs, more than {MANY}", hint="fewer values, or method latin")
+    stays = {name: spread.values[0] for name, spread in fixed.items()}
+    once = {tuple(p.items()): stays | p for p in _drawn(varied, method, count, draw)}
     jobs: list[Job] = []
-    mistakes: dict[str, InputError] = {}
-    for k, point in enumerate(points):
-        first = {**point, SEED: seeds.start} if seeds else point
-        inputs = placed(kind, first, folder)
+    progress = Progress()
+    for number, point in enumerate(once.values()):
+        progress.at(f"checking point {number} of {len(once)}", number / len(once))
         try:
-            own = _files(kind, inputs)
-            if own not in named:
-                found = {name: (path, digest(path)) for name, path in kind.files(inputs).items()}
-                named[own] = {name: d for name, (_, d) in found.items()}
-                absolute = _files(kind, placed(kind, point, folder.resolve()))
-                paths[absolute] = {str(path.resolve()): d for path, d in found.values()}
-            kind.check(inputs)
+            for inputs in kind.points(kind.placed(point, folder)):
+                jobs += jobs_of(kind, {**inputs, **point}, folder, range(first, first + many))
         except InputError as e:
-            for mistake in e.errors if isinstance(e, InputErrors) else (e,):
-                mistakes.setdefault(str(mistake), _of_job(mistake, point, top))
-            if len(mistakes) >= MOST_NAMED:
-                break
-            continue
-        checked(k + 1, len(points))
-        jobs += (Job(kind.name, i, named[own]) for i in _with_seeds(point, seeds))
-    if mistakes:
-        few = list(islice(mistakes.values(), MOST_NAMED))
-        raise few[0] if len(few) == 1 else InputErrors(few)
-    return tuple(jobs), paths
+            progress.end()
+            if e.file is not None:
+                raise
+            table = next((t for t in (top.section("factor"), top.section("fixed")) if e.key in t), top)
+            raise table.error(f"{e.reason} (at {as_words(point)})", e.key or None, e.hint) from None
+    progress.end()
+    types = {f.name: f.type for f in kind.factors} | {SEED: int}
+    types |= {name: spread.type for name, spread in (fixed | varied).items()}
+    return Campaign(title, kind, {name: types[name] for name in jobs[0].inputs}, jobs, folder, limit_s)
 
 
-def _with_seeds(point: Point, seeds: Iterable[int] | None) -> Iterator[Point]:
-    if seeds is None:
-        yield point
-    else:
-        yield from ({**point, SEED: seed} for seed in seeds)
-
-
-def _of_job(e: InputError, point: Point, top: Section) -> InputError:
-    """A mistake in a file stands there; one in the inputs is the campaign's, at the first point that has it."""
-    if e.file is not None:
-        return e
-    reason = f"{e.reason} (at {as_words(point)})"
-    table = next((t for t in (top.section("factor"), top.section("fixed")) if e.key in t), None)
-    if table is not None:
-        return table.error(reason, e.key, e.hint)
-    return InputError(reason, file=top.file, key=e.key, hint=e.hint)
-
-
-def _files(kind: Kind, inputs: Mapping[str, Any]) -> tuple[Any, ...]:
-    """The values of the factors that are files."""
-    return tuple(inputs.get(f.name) for f in kind.factors if f.is_file)
+def jobs_of(kind: Kind, point: Point, folder: Path, seeds: Sequence[int] = ()) -> Iterator[Job]:
+    """Yield the jobs of a point, one for each seed. It is checked with the first: the others are like it."""
+    runs = [{**point, SEED: seed} for seed in seeds] or [point]
+    first = kind.placed(runs[0], folder)
+    paths = kind.own_files(first) | dict(kind.named(first))
+    contents, cost = {name: digest(path) for name, path in paths.items()}, kind.check(first)
+    files = {str(path.resolve()): contents[name] for name, path in paths.items()}
+    for inputs in runs:
+        key = key_of({"kind": kind.name, "inputs": inputs, "files": contents})
+        yield Job(key, inputs, kind.placed(inputs, folder), files, cost, kind.function)
 
 
 def as_words(inputs: Mapping[str, Any]) -> str:
     """Return a job's inputs in a line, for a person."""
-    return ", ".join(f"{name} = {_shown(value)}" for name, value in inputs.items())
+    return ", ".join(f"{n} = {v:.6g}" if isinstance(v, float) else f"{n} = {v}" for n, v in inputs.items())
 
 
-def _shown(value: Any) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+def _drawn(varied: Mapping[str, FactorValues], method: str, count: int, draw: int) -> Iterator[Point]:
+    """Yield the points that the method asks for; of all combinations the last factor changes fastest."""
+    if method == FULL or not varied:
+        for values in itertools.product(*(spread.values for spread in varied.values())):
+            yield dict(zip(varied, values, strict=True))
+        return
+    rng, n = np.random.default_rng(draw), len(varied)
+    shares = rng.random((count, n)) if method == RANDOM else qmc.LatinHypercube(n, rng=rng).random(count)
+    for row in shares.tolist():
+        yield {name: spread.at(share) for (name, spread), share in zip(varied.items(), row, strict=True)}
+
+
+def _factors(top: Section, kind: Kind, stepped: bool) -> tuple[dict[str, FactorValues], dict[str, FactorValues]]:
+    """Read those that stay and those that vary, in the file's order. stepped: a range has steps (a full factorial)."""
+    found: dict[str, dict[str, FactorValues]] = {"fixed": {}, "factor": {}}
+    seen: set[str] = set()
+    for table, into in found.items():
+        for section, key, name in _keys(top.section(table), kind):
+            with section.collected():
+                if name in seen:
+                    raise section.error("stands there twice", key, "keep one of them")
+                seen.add(name)
+                factor, value = _factor(section, key, name, kind), section.raw(key)
+                if table == "fixed":
+                    into[name] = _listed(section, key, factor, [value])
+                elif isinstance(value, dict):
+                    into[name] = _range(section.section(key), key, section, factor, stepped)
+                elif isinstance(value, list) and value:
+                    into[name] = _listed(section, key, factor, value)
+                else:
+                    hint = "what does not vary is of [fixed]"
+                    raise section.error("takes a list of values, or { from, to, steps }", key, hint)
+    for f in kind.factors:
+        if f.needed and f.name not in seen:
+            top.mistake(top.error("is missing", f"factor.{f.name}", f"it takes {WORDS[f.type]}"))
+    return found["fixed"], found["factor"]
+
+
+def _keys(table: Section, kind: Kind) -> Iterator[tuple[Section, str, str]]:
+    """Table, key there and the factor's name. scenario.speed_m_s may be written without quotes, which TOML nests."""
+    for key in table:
+        value = table.raw(key)
+        if f"{key}." in kind.open_factors and isinstance(value, dict) and not set(value) <= set(RANGE):
+            inner = table.section(key)
+            yield from ((inner, k, f"{key}.{k}") for k in inner)
+        else:
+            yield table, key, key
+
+
+def _factor(section: Section, key: str, name: str, kind: Kind) -> Factor | None:
+    """The kind's; None for one that is open. Raises InputError for one that is not known."""
+    if name in (SEED, *(f"{prefix}{SEED}" for prefix in kind.open_factors)):
+        raise section.error("is the campaign's own", key, "write seeds and first_seed, above the tables")
+    known = {f.name: f for f in kind.factors}
+    if name not in known and not any(name.startswith(prefix) and name != prefix for prefix in kind.open_factors):
+        every = ", ".join([*known, *(f"{prefix}KEY" for prefix in kind.open_factors)])
+        raise section.error(f"is no factor of {kind.name}", key, suggest(name, known) or f"it has {every}")
+    return known.get(name)
+
+
+def _listed(section: Section, key: str, factor: Factor | None, values: Sequence[Any]) -> FactorValues:
+    of = OPEN.get(frozenset(map(type, values))) if factor is None else factor.type
+    if of is None:
+        raise section.error("takes numbers, strings or true and false, all of one type", key)
+    try:
+        found = tuple((factor or Factor(key, of)).check(v) for v in values)
+    except InputError as e:
+        raise section.error(e.reason, key, e.hint) from None
+    if any(isinstance(v, float) and not math.isfinite(v) for v in found) or len(set(found)) < len(found):
+        raise section.error("takes finite values, each once", key)
+    return FactorValues(of, found)
+
+
+def _range(table: Section, key: str, around: Section, factor: Factor | None, stepped: bool) -> FactorValues:
+    low, high, steps = table.take("from", float), table.take("to", float), STEPS.read(table)
+    whole = table.get("whole", bool, factor is not None and factor.type is int)
+    log = table.get("log", bool, False)
+    if stepped and not steps:
+        table.mistake(table.absent(STEPS.name, "how many values from end to end: 2 or more"))
+    table.done(RANGE)
+    of = int if whole else float
+    if factor is not None and factor.type is not of:
+        raise around.error(f"takes {WORDS[factor.type]}, and no range of {WORDS[of]}", key, "or list the values")
+    if low >= high or (log and low <= 0):
+        raise table.error(f"takes from < to, and for a logarithm 0 < from, not {low:g} and {high:g}", "from")
+    if whole and (log or not (low.is_integer() and high.is_integer())):
+        raise around.error("takes whole ends and no logarithm, being whole", key, "or list the values")
+    spread, shares = FactorValues(of, (), low, high, log), np.linspace(0.0, 1.0, steps or 1)
+    if not stepped:
+        return spread
+    if whole:
+        return FactorValues(of, [int(v) for v in np.unique(np.round(low + shares * (high - low)))])
+    return FactorValues(of, [spread.at(share) for share in shares.tolist()])

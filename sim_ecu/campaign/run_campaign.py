@@ -1,153 +1,101 @@
-"""`sim-ecu campaign`: checks the request, runs what is left of it, prints what came of it."""
+"""`sim-ecu campaign`: checks what is asked, runs what is left of it, prints what came of it."""
 
-import math
+import re
 import signal
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+import time
+from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
-from types import FrameType
 
-import numpy as np
+import pandas as pd
 
-from sim_ecu.campaign.campaign_folder import opened_store
 from sim_ecu.campaign.definition import Campaign, as_words, load_campaign
-from sim_ecu.campaign.factors import SEED, Range, Spread
-from sim_ecu.campaign.go import Finished, go
-from sim_ecu.campaign.kind import Metric, Type
-from sim_ecu.jobs.job import Ending, Job, JobRow
-from sim_ecu.jobs.pool import RESUMES, Workers, local
-from sim_ecu.reporting.table import Table
-from sim_ecu.reporting.values import UNKNOWN
+from sim_ecu.campaign.kind import answer
+from sim_ecu.campaign.row_folder import ROWS, RowFolder, opened
+from sim_ecu.jobs import pool
+from sim_ecu.jobs.pool import Ending, Workers
+from wrcd.colour import moves
 from wrcd.errors import Status
 from wrcd.progress import Progress
 
 ERRORS = 5  # that are shown
-GROUPS = 6  # columns of the table
-ENDINGS = {Ending.FAILED: "failed", Ending.TOO_LONG: "took too long", Ending.DIED: "died"}
-
-
-def summary(campaign: Campaign, finished: Finished) -> list[str]:
-    """Lines for a person."""
-    pairs = finished.pairs
-    counts = [f"{finished.count(ending)} {word}" for ending, word in ENDINGS.items() if finished.count(ending)]
-    before = f" ({finished.before} were there)" if finished.before else ""
-    done = ", ".join([f"{finished.count(Ending.DONE)} of {len(pairs)} jobs done", *counts])
-    out = [f"{campaign.request.title}: {done}{before}"]
-    if campaign.twice:
-        out.append(f"{campaign.twice} points were drawn twice; each runs once")
-    out += _errors(pairs)
-    table = list(_table(campaign, pairs))
-    out += ["", *table] if table else []
-    return [*out, "", f"results: {finished.results}"]
-
-
-def _errors(pairs: Sequence[tuple[Job, JobRow]]) -> Iterator[str]:
-    """The first job of each error."""
-    seen: dict[tuple[Ending, str], list[Job]] = {}
-    for job, row in pairs:
-        if row.ending is not Ending.DONE:
-            seen.setdefault((row.ending, row.error), []).append(job)
-    for (ending, error), jobs in list(seen.items())[:ERRORS]:
-        also = f" (and {len(jobs) - 1} more)" if len(jobs) > 1 else ""
-        yield f"  {ENDINGS[ending]}: {as_words(jobs[0].inputs)}{also}: {error}"
-    if len(seen) > ERRORS:
-        yield f"  and {len(seen) - ERRORS} other errors: see the column error"
-
-
-def _table(campaign: Campaign, pairs: Sequence[tuple[Job, JobRow]]) -> Iterator[str]:
-    """Median and quartiles of each figure, a column for each value of the suite's factor."""
-    kind = campaign.request.kind
-    groups: dict[str, list[JobRow]] = {}
-    for job, row in pairs:
-        if row.ending is Ending.DONE:
-            groups.setdefault(str(job.inputs.get(kind.suite, "all")), []).append(row)
-    figures = [f for f in kind.figures if f.type is not Type.TEXT]
-    if not groups or not figures:
-        return
-    shown = list(groups)[:GROUPS]
-    rows = [[f.name, f.unit, *(_cell(f, groups[name]) for name in shown)] for f in figures]
-    yield from Table(["median (quartiles)", "unit", *shown], rows).markdown()
-    if len(groups) > GROUPS:
-        yield f"and {len(groups) - GROUPS} more of {kind.suite}: in the results"
-
-
-def _cell(figure: Metric, rows: Sequence[JobRow]) -> str:
-    found = [float(v) for r in rows if isinstance(v := r.figures.get(figure.name), int | float) and math.isfinite(v)]
-    if not found:
-        return UNKNOWN
-    if figure.type is Type.FLAG:
-        return f"{100 * sum(found) / len(found):.3g} %"
-    low, middle, high = np.quantile(found, (0.25, 0.5, 0.75))
-    return f"{middle:.3g} ({low:.3g} … {high:.3g})"
+LINES = 20  # where there is no terminal: a line for each twentieth of the work
+MEMORY_ADDRESS = re.compile(r"\b0x[0-9a-f]{6,}\b")
 
 
 def run(file: Path, folder: Path, jobs: int, scheduler: str | None, again: bool) -> int:
-    """Run, merge, print. Returns 1 where a job did not end well."""
-    campaign = _checked(file)
-    try:
-        with (
-            terminated_like_ctrl_c(),
-            workers_for(jobs, scheduler, campaign) as workers,
-            opened_store(folder, campaign.request, campaign.keys) as store,
-        ):
-            finished = go(campaign, folder, store, workers, again=again)
-    except KeyboardInterrupt:
-        print(f"stopped; what is finished is in {folder}, {RESUMES}", file=sys.stderr)
+    """Run what is left, print. Returns 1 where a job did not end well."""
+    campaign = load_campaign(file)
+    rows = go(campaign, folder, jobs, scheduler, again)
+    if rows is None:
         return Status.INTERRUPTED
-    print("\n".join(summary(campaign, finished)))
-    return Status.DONE if finished.count(Ending.DONE) == len(finished.pairs) else Status.STOPPED
+    print("\n".join([*_summary(campaign, rows), "", f"rows: {folder / ROWS}"]))
+    return Status.DONE if (rows["ending"] == Ending.DONE).all() else Status.STOPPED
 
 
 def plan(file: Path) -> int:
     """Check, and say what would run."""
-    campaign = _checked(file)
-    kind = campaign.request.kind
-    print(f"{campaign.request.title}: {len(campaign.jobs)} jobs of kind {kind.name}: {kind.words}")
-    rows = [(name, _values(given)) for name, given in campaign.factors.items()]
-    if campaign.seeds:
-        rows.append((SEED, f"{campaign.seeds[0]} … {campaign.seeds[-1]}"))
-    width = max((len(name) for name, _ in rows), default=0)
-    print("\n".join(f"  {name:{width}}  {values}" for name, values in rows))
-    print(
-        f"columns: key, {', '.join(campaign.request.columns)}, ending, error, {', '.join(f.name for f in kind.figures)}"
-    )
+    campaign = load_campaign(file)
+    print(f"{campaign.title}: {len(campaign.jobs)} jobs of kind {campaign.kind.name}")
+    for name in campaign.columns:
+        print(f"  {name}: {', '.join(map(str, dict.fromkeys(job.inputs[name] for job in campaign.jobs)))}")
+    print(f"columns: key, {', '.join(campaign.columns)}, ending, error, {', '.join(campaign.kind.figures)}")
     return Status.DONE
 
 
-def _checked(file: Path) -> Campaign:
-    progress = Progress()
+def go(campaign: Campaign, folder: Path, jobs: int, scheduler: str | None, again: bool) -> pd.DataFrame | None:
+    """Run the jobs that have no row in the folder. again: those that did not end well, too. Returns all rows in the
+    campaign's order; None after Ctrl-C. Raises Stopped where it cannot go on."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C
     try:
-        return load_campaign(file, lambda done, of: progress.at(f"checking point {done} of {of}", done / of))
-    finally:
-        progress.end()
-
-
-def workers_for(jobs: int, scheduler: str | None, campaign: Campaign) -> AbstractContextManager[Workers]:
-    """Processes here, or the workers of a scheduler."""
-    if scheduler is None:
-        return local(jobs)
-    from sim_ecu.jobs.cluster import cluster
-
-    return cluster(scheduler, campaign.request.kind.function.__module__)
-
-
-@contextmanager
-def terminated_like_ctrl_c() -> Iterator[None]:
-    """SIGTERM ends it as Ctrl-C does: nothing is left behind."""
-
-    def end(_signal: int, _frame: FrameType | None) -> None:
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGTERM, end)
-    try:
-        yield
+        with (
+            opened(folder, campaign) as rows,
+            pool.local(jobs) if scheduler is None else pool.cluster(scheduler) as crew,
+        ):
+            if again:
+                rows.drop({key for key, ending in rows.endings.items() if ending != Ending.DONE})
+            _work(campaign, rows, crew)
+            rows.write()
+            return rows.table()
+    except KeyboardInterrupt:
+        print(f"stopped; what is finished is in {folder}, {pool.RESUMES}", file=sys.stderr)
+        return None
     finally:
         signal.signal(signal.SIGTERM, before)
 
 
-def _values(spread: Spread) -> str:
-    if isinstance(spread, Range):
-        steps = f", {len(spread.every())} steps" if spread.steps else ""
-        return f"{spread.low:g} … {spread.high:g}{steps}{', by its logarithm' if spread.log else ''}"
-    return ", ".join(str(v) for v in spread.every())
+def _work(campaign: Campaign, rows: RowFolder, crew: Workers) -> None:
+    left = [job for job in campaign.jobs if job.key not in rows.endings]
+    every, whole, began = len(campaign.jobs), sum(job.cost for job in campaign.jobs) or 1.0, time.monotonic()
+    cost = before = whole - sum(job.cost for job in left)
+    failed, line, progress = 0, 0.0, Progress(steps=True)
+    with closing(pool.run(answer, left, crew, campaign.limit_s)) as ends:
+        for number, o in enumerate(ends, 1):
+            job, error = left[o.place], MEMORY_ADDRESS.sub("0x…", o.error.replace(f"{campaign.folder}/", ""))
+            rows.add({"key": job.key, **job.inputs, "ending": o.ending.value, "error": error, **(o.value or {})})
+            failed, cost = failed + (o.ending is not Ending.DONE), cost + job.cost
+            if moves(sys.stderr) or cost / whole >= line or number == len(left):
+                line = cost / whole + 1 / LINES
+                rate = number / max(time.monotonic() - began, 1e-3)
+                done = f"{every - len(left) + number} of {every} jobs{f', {failed} failed' * bool(failed)}"
+                progress.at(f"{done}, {rate:.3g} jobs/s", cost / whole, before / whole)
+    progress.end()
+
+
+def _summary(campaign: Campaign, rows: pd.DataFrame) -> Iterator[str]:
+    """Yield lines for a person: how the jobs ended, the first job of each error, medians by the kind's suite."""
+    counts, done = rows["ending"].value_counts(), rows[rows["ending"] == Ending.DONE]
+    others = "".join(f", {counts[e]} {e}" for e in Ending if e is not Ending.DONE and e in counts)
+    yield f"{campaign.title}: {len(done)} of {len(rows)} jobs done{others}"
+    errors = list(rows.drop(done.index).groupby(["ending", "error"], sort=False))
+    for (ending, error), group in errors[:ERRORS]:
+        also = f" (and {len(group) - 1} more)" if len(group) > 1 else ""
+        yield f"  {ending}: {as_words(group.iloc[0][list(campaign.columns)].to_dict())}{also}: {error}"
+    if len(errors) > ERRORS:
+        yield f"  and {len(errors) - ERRORS} other errors: see the column error"
+    figures = [name for name, of in campaign.kind.figures.items() if of is not str]
+    if len(done):
+        suite = campaign.kind.suite if campaign.kind.suite in done else "ending"
+        medians = done.groupby(suite, sort=False)[figures].median()
+        yield f"\nmedians:\n{medians.T.to_string(float_format='{:.3g}'.format, na_rep='–')}"

@@ -7,67 +7,41 @@ from sim_ecu.cli.arguments import add_jobs, check_least
 from wrcd.cli.program import Subcommand
 from wrcd.errors import InputError
 
-OF_LOGS = ("train", "config", "channel", "limit", "reports")
+OF_LOGS = ("train", "config", "channel", "limit")
 
 
 def _add(p: argparse.ArgumentParser) -> None:
-    p.add_argument(
-        "campaign", type=Path, nargs="?", metavar="CAMPAIGN.toml", help="what is asked: see docs/reference/campaign.md"
-    )
-    p.add_argument(
-        "-o", "--out", type=Path, metavar="DIR", help="the campaign's folder: a new one, or one to go on with"
-    )
+    p.add_argument("campaign", type=Path, nargs="?", metavar="CAMPAIGN.toml", help="see docs/reference/campaign.md")
+    p.add_argument("-o", "--out", type=Path, metavar="DIR", help="the rows' folder: a new one, or one to go on with")
     who = p.add_mutually_exclusive_group()
     add_jobs(who)
-    who.add_argument(
-        "--scheduler", metavar="ADDRESS", help="workers of a Dask scheduler, tcp://HOST:PORT. Extra `cluster`"
-    )
+    who.add_argument("--scheduler", metavar="ADDRESS", help="workers of a Dask scheduler, tcp://HOST:PORT")
     p.add_argument("--again", action="store_true", help="run what failed, took too long or died once more")
     p.add_argument("--dry-run", action="store_true", help="check everything, say what would run, and end")
-    p.add_argument(
-        "--logs", metavar="DIR|GLOB", help="instead of a campaign: the logs of a fleet, each through the daemon's core"
-    )
-    p.add_argument(
-        "--train", metavar="PATTERN",
-        help="of --logs: a regular expression whose group `train` is found in a log's path (default: the first folder)",
-    )  # fmt: skip
-    p.add_argument(
-        "--config", type=Path, metavar="FILE",
-        help="of --logs: the daemon's configuration of logs without a wrcd.toml in their folder or above it",
-    )  # fmt: skip
+    p.add_argument("--logs", metavar="DIR|GLOB", help="instead of a campaign: logs, each through the daemon's core")
+    p.add_argument("--train", metavar="PATTERN", help="of --logs: expression of a path with a group `train`")
+    p.add_argument("--config", type=Path, metavar="FILE", help="of --logs: where no wrcd.toml lies beside or above one")
     p.add_argument("--channel", metavar="NAME", help="of --logs: of those that have several")
-    p.add_argument("--limit", type=float, metavar="S", help="of --logs: a log that takes longer is ended and reported")
-    p.add_argument("--reports", action="store_true", help="of --logs: a page of each log, too. Extra `report`")
+    p.add_argument("--limit", type=float, metavar="S", help="of --logs: one that takes longer is ended (default: 3600)")
 
 
 def _run(args: argparse.Namespace) -> int:
-    _check_what(args)
-    if args.out is None and not args.dry_run:
-        raise InputError("is missing", key="-o", hint="name the folder for the results; --dry-run needs none")
-    check_least(args, jobs=1)
-    if args.logs is not None:
-        from sim_ecu.campaign.fleet import run_fleet
-
-        logs = run_fleet.Logs(args.logs, args.train, args.config, args.channel or "", args.limit, args.reports)
-        if args.dry_run:
-            return run_fleet.plan(logs)
-        return run_fleet.run(logs, args.out, args.jobs, args.scheduler, args.again)
-    from sim_ecu.campaign.run_campaign import plan, run
-
-    return plan(args.campaign) if args.dry_run else run(args.campaign, args.out, args.jobs, args.scheduler, args.again)
-
-
-def _check_what(args: argparse.Namespace) -> None:
-    """Raise InputError where it is neither a campaign nor logs, or both."""
     if (args.campaign is None) == (args.logs is None):
         reason = "is missing" if args.campaign is None else "and --logs are two questions"
         raise InputError(reason, key="CAMPAIGN.toml", hint="name a campaign, or logs: --logs DIR")
+    if args.logs is None and (other := next((name for name in OF_LOGS if getattr(args, name) is not None), None)):
+        raise InputError("is of --logs", key=f"--{other}", hint="a campaign says all of it in its file")
+    if args.out is None and not args.dry_run:
+        raise InputError("is missing", key="-o", hint="name the folder for the results; --dry-run needs none")
+    check_least(args, jobs=1, limit=1)
+    from sim_ecu.campaign import logs, run_campaign
+    from sim_ecu.jobs.pool import LIMIT_S
+
+    how = (args.out, args.jobs, args.scheduler, args.again)
     if args.logs is None:
-        for name in OF_LOGS:
-            if getattr(args, name):
-                raise InputError("is of --logs", key=f"--{name}", hint="a campaign says all of it in its file")
-    elif args.limit is not None and args.limit <= 0:
-        raise InputError(f"takes more than 0 s, not {args.limit:g}", key="--limit")
+        return run_campaign.plan(args.campaign) if args.dry_run else run_campaign.run(args.campaign, *how)
+    asked = logs.Logs(args.logs, args.train, args.config, args.channel or "", args.limit or LIMIT_S)
+    return logs.plan(asked) if args.dry_run else logs.run(asked, *how)
 
 
 COMMAND = Subcommand(

@@ -8,6 +8,8 @@ from wrcd.cli.program import Subcommand
 from wrcd.errors import InputError
 from wrcd.resources import DEFAULT_DESIGN
 
+BUDGET = 120  # candidates of a search
+
 
 def _add(p: argparse.ArgumentParser) -> None:
     p.add_argument(
@@ -21,8 +23,14 @@ def _add(p: argparse.ArgumentParser) -> None:
         choices=("wrcd", "paper"),
         help="wrcd's own form, or the paper's own, which it is compared with (default: as --config says, else wrcd)",
     )
-    p.add_argument("--search", action="store_true", help="has moved: `sim-ecu tune --over noise,weights --played 0`")
-    p.add_argument("--budget", metavar="N", help="of the search: has moved with it")
+    p.add_argument(
+        "--search", metavar="NAME,…",
+        help="make no design: search these numbers, noise, weights, points (creep) or band, and write the best brief",
+    )  # fmt: skip
+    p.add_argument(
+        "--budget", type=int, default=BUDGET, metavar="N",
+        help=f"candidates of the search, the start among them; each takes ten seconds of a core (default: {BUDGET})",
+    )  # fmt: skip
     add_jobs(p)
     p.add_argument(
         "--explain", nargs="?", const=DEFAULT_DESIGN, metavar="DESIGN",
@@ -37,13 +45,39 @@ def _run(args: argparse.Namespace) -> int:
         from wrcd.config.packaged_designs import design_path
 
         return explain(design_path(args.explain))
-    if args.search or args.budget is not None:
-        hint = "`sim-ecu tune --over noise,weights --budget 600 --played 0 -o DIR` writes DIR/brief.toml for --config"
-        raise InputError("has moved to a command of its own", key="--search", hint=hint)
     if args.output is None:
         raise InputError("is missing", key="-o", hint="name the file to make, or ask for --explain")
-    check_least(args, jobs=1)
-    return _make(args)
+    check_least(args, budget=1, jobs=1)
+    return _make(args) if args.search is None else _search(args)
+
+
+def _search(args: argparse.Namespace) -> int:
+    """Search a brief's numbers, and write the best as a brief."""
+    from sim_ecu.design.brief import read_brief, written
+    from sim_ecu.design.search import objective_words, search
+    from sim_ecu.design.space import parameters
+    from sim_ecu.jobs.pool import local
+    from sim_ecu.play.vehicles import vehicle_path
+    from sim_ecu.reporting.result_files import check_output, save
+    from wrcd.config.settings import read_toml
+    from wrcd.progress import Progress
+
+    brief, groups = (
+        read_brief(read_toml(vehicle_path(args.config)), args.form),
+        [name.strip() for name in args.search.split(",")],
+    )
+    parameters(brief, groups)  # raises InputError before the minutes that it would cost
+    check_output("-o", args.output)
+    progress = Progress(steps=True)
+    with local(args.jobs) as workers:
+        best, least, first = search(brief, groups, args.budget, workers, progress.at)
+    progress.end()
+    errors = f"{objective_words(brief.form)} {least:.4f}; of the start {first:.4f}"
+    how = f"Found by `sim-ecu design --search {args.search}` with {args.budget} candidates."
+    text = written(best, [how, errors, "Makes a design: `sim-ecu design --config`."])
+    save(args.output, lambda partly: partly.write_text(text, encoding="utf-8"))
+    print(f"{args.output}: {errors}")
+    return 0
 
 
 def _make(args: argparse.Namespace) -> int:
@@ -54,9 +88,8 @@ def _make(args: argparse.Namespace) -> int:
     from sim_ecu.design.pairs import plan_of, require_learning
     from sim_ecu.design.training_jobs import pairs, recorded, remove_parts
     from sim_ecu.jobs.pool import local
-    from sim_ecu.jobs.store import save
     from sim_ecu.play.vehicles import vehicle_path
-    from sim_ecu.reporting.result_files import check_output
+    from sim_ecu.reporting.result_files import check_output, save
     from wrcd.config.settings import read_toml
     from wrcd.estimator.design import parse_design
     from wrcd.progress import Progress
@@ -96,7 +129,7 @@ COMMAND = Subcommand(
     "make the design file of a vehicle (takes half an hour)",
     (
         ("sim-ecu design --config metro -o metro.design.json", "the design of a vehicle that comes along"),
-        ("sim-ecu design --explain", "the default design's rules as sentences, with their data"),
+        ("sim-ecu design --config my-rig.toml --search noise,weights -o better.toml", "a brief with a better bank"),
     ),
     _add,
     _run,

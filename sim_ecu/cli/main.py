@@ -15,11 +15,9 @@ SIM_ECU = Program(
         "drive",
         "control",
         "design",
-        "tune",
         "score",
         "figures",
         "campaign",
-        "compare",
         "demo",
     ),
 )
@@ -33,10 +31,11 @@ MODULES = {
     "e2e": ("bench", "autosar-e2e"),
     "matplotlib": ("bench", "matplotlib"),
     "jinja2": ("bench", "jinja2"),
-    "markupsafe": ("bench", "markupsafe"),
     "sklearn": ("learned", "scikit-learn"),
     "pyarrow": ("campaign", "pyarrow"),
-    "distributed": ("cluster", "distributed"),
+    "pandas": ("campaign", "pandas"),
+    "dask": ("bench", "dask"),
+    "distributed": ("bench", "distributed"),
 }
 
 

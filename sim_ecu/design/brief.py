@@ -204,7 +204,7 @@ def _given(
 
 def _points(d: Section, points: tuple[Point, ...]) -> tuple[Point, ...]:
     """The four models with what the file gives them: curves by their letters, creep as a share of the peak's, and the
-    noise as `sim-ecu tune` writes it, three and a weight each."""
+    noise as `sim-ecu design --search` writes it, three and a weight each."""
     letters, creeps = d.raw("curves"), d.raw("creep_of_peak")
     if letters is not None:
         if not isinstance(letters, list) or len(letters) != len(points) or not set(map(str, letters)) <= set(CURVES):
@@ -224,7 +224,7 @@ def _points(d: Section, points: tuple[Point, ...]) -> tuple[Point, ...]:
     if table.shape != (len(points), 4) or not np.all((table > 0) & (table < 1e6)) or np.any(table[:, 3] >= 2):
         raise d.error(
             f"takes {len(points)} rows of four positive numbers, the last of each below 2", "noise",
-            "of each model: three noises per root Hz and the yaw rate's weight; `sim-ecu tune` writes it",
+            "of each model: three noises per root Hz and the yaw rate's weight; `sim-ecu design --search` writes it",
         )  # fmt: skip
     return tuple(
         replace(p, noise=(row[0], row[1], row[2]), yaw_rate_weight=row[3])

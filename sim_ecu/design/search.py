@@ -1,8 +1,10 @@
-"""What the candidates of `sim-ecu tune` are judged by first: recorded conditions, and what a bank makes of them."""
+"""`sim-ecu design --search`: CMA-ES over a brief's numbers. Candidates are judged by recorded conditions, and what a
+bank makes of them."""
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import TypeAlias
 
 import numpy as np
@@ -13,6 +15,9 @@ from sim_ecu.design.features import Features, features, quietly, run
 from sim_ecu.design.linear import Point
 from sim_ecu.design.make import Brief, bank, rule_base, with_placeholder_rules
 from sim_ecu.design.recordings import Recording, record
+from sim_ecu.design.space import brief_at, parameters, vector
+from sim_ecu.jobs.pool import Workers
+from sim_ecu.jobs.whole import each
 from sim_ecu.physics.contact import CURVES
 from wrcd.errors import InputError
 from wrcd.estimator.design import MODELS
@@ -117,6 +122,7 @@ HELD_OFF_PEAK = (0.004, 0.05, 0.15, 0.3)  # of the peak's creep: there model 4 m
 HELD_TRACKS, HELD_SECONDS, HELD_SETTLED_S = 10, 4.0, 1.0
 ACCURACY = "mean error (pp) on conditions that the rules were not made from:"
 MATCHING = "1 less the share of windows in which the matching residual is the lowest by a margin:"
+STEP = 0.4  # of the search at its start: see design/space.py for what one is
 MARGIN = 0.01  # decades by which a residual is the lowest: half a point at 0, nearly a whole one from here on
 
 
@@ -217,3 +223,41 @@ def error_of(aim: Objective, brief: Brief) -> float:
 def objective_words(form: str) -> str:
     """Return what the objective of a form is, for a person."""
     return MATCHING if form == "paper" else ACCURACY
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """A candidate, and the brief by whose conditions it is judged."""
+
+    start: Brief
+    candidate: Brief
+
+
+def judge(trial: Trial) -> float:
+    """Return the error. The conditions are simulated once in a process: deterministic, so all have the same."""
+    return error_of(_conditions(trial.start), trial.candidate)
+
+
+@lru_cache(maxsize=1)
+def _conditions(start: Brief) -> Objective:
+    return objective(start, start.plan.seed)
+
+
+def search(
+    start: Brief, groups: Sequence[str], budget: int, workers: Workers, progress: Progress
+) -> tuple[Brief, float, float]:
+    """Return the best of `budget` candidates, the start among them; its error, and the start's. Deterministic for a
+    brief. Raises InputError for a group that the form lacks."""
+    over = parameters(start, groups)
+
+    def scores(xs: Sequence[FloatArray]) -> list[float]:
+        trials = [Trial(start, brief_at(start, over, x)) for x in xs]
+        found = dict(each(judge, trials, workers, [f"candidate {k + 1} of a generation" for k in range(len(trials))]))
+        return [found[k] for k in range(len(trials))]
+
+    def generation(done: int, least: float) -> None:
+        progress(f"candidate {done} of {budget}, least error {least:.4f}", done / budget)
+
+    first = scores([vector(start, over)])[0]
+    best, least = minimise(scores, vector(start, over), first, STEP, budget, start.plan.seed, generation)
+    return start if least == first else brief_at(start, over, best), least, first

@@ -16,14 +16,11 @@ from sim_ecu.design.make import Brief
 from wrcd.errors import InputError
 from wrcd.estimator.design import MODELS
 
-# Groups in the order of the vector. Those of BY_RECORDINGS move the error on recorded conditions; what the others are
-# worth (a longer window: less error, a later answer) shows on whole runs only.
-BY_RECORDINGS = ("noise", "weights", "points", "band")
-BY_RUNS = ("window", "rules")
-GROUPS = (*BY_RECORDINGS, *BY_RUNS)
+# Groups in the order of the vector. What windows and the number of rules are worth (a longer window: less error, a
+# later answer) recorded conditions do not show: a search leaves them.
+GROUPS = ("noise", "weights", "points", "band")
 NOISES, WEIGHTS = (-6.0, 2.0), (-3.0, 3.0)  # log10 of a process noise, of one channel's weight over the other's
 CREEPS, BANDS_HZ = (0.002, 4.0), (6.0, 30.0)
-WINDOWS_S, LONGEST_S, RECENT_S, RULES = (0.4, 2.0), (0.4, 3.0), (0.06, 0.5), (20, 200)
 DIGITS = 3  # of what is found: as a person writes it
 
 
@@ -42,10 +39,10 @@ def parameters(brief: Brief, groups: Sequence[str]) -> tuple[Parameter, ...]:
     """Return the groups' parameters, in the order of GROUPS. Raises InputError for a group that the form lacks."""
     for group in groups:
         if group not in GROUPS:
-            raise InputError(f"there is no {group!r} to search", key="--over", hint=f"known: {', '.join(GROUPS)}")
+            raise InputError(f"there is no {group!r} to search", key="--search", hint=f"known: {', '.join(GROUPS)}")
         if group not in groups_of(brief.form):
-            raise InputError(f"the paper's form has no {group}", key="--over", hint="leave it out")
-    return tuple(p for group in GROUPS if group in groups for p in _of_group(group, brief.form))
+            raise InputError(f"the paper's form has no {group}", key="--search", hint="leave it out")
+    return tuple(p for group in GROUPS if group in groups for p in _of_group(group))
 
 
 def groups_of(form: str) -> tuple[str, ...]:
@@ -59,11 +56,10 @@ def vector(brief: Brief, over: Sequence[Parameter]) -> FloatArray:
 
 
 def brief_at(brief: Brief, over: Sequence[Parameter], x: FloatArray) -> Brief:
-    """Return the brief with a vector's values (n,), within the parameters' bounds, each window within the next."""
+    """Return the brief with a vector's values (n,), within the parameters' bounds."""
     for p, value in zip(over, x.tolist(), strict=True):
         brief = p.put(brief, 10.0 ** min(max(value * p.unit, p.low), p.high))
-    longest = brief.window_s if brief.form == "paper" else max(brief.longest_s, brief.window_s)
-    return replace(brief, longest_s=longest, recent_s=min(brief.recent_s, 0.5 * brief.window_s))
+    return brief
 
 
 def short(value: float) -> float:
@@ -71,7 +67,7 @@ def short(value: float) -> float:
     return float(f"{value:.{DIGITS}g}")
 
 
-def _of_group(group: str, form: str) -> list[Parameter]:
+def _of_group(group: str) -> list[Parameter]:
     models = range(MODELS)
     match group:
         case "noise":  # of y_t', yaw and lateral acceleration
@@ -82,13 +78,9 @@ def _of_group(group: str, form: str) -> list[Parameter]:
             ends = np.log10(CREEPS).tolist()
             return [_of_model(m, ends, 0.5, lambda p: p.creep_of_peak, lambda p, x: moved(p, p.curve, short(x)))
                     for m in models]  # fmt: skip
-        case "band":
-            return [_field("band_hz", BANDS_HZ, 0.3)]
-        case "window":
-            fields = {"window_s": WINDOWS_S, "longest_s": LONGEST_S, "recent_s": RECENT_S}
-            return [_field(name, ends, 0.3) for name, ends in fields.items() if form != "paper" or name == "window_s"]
         case _:
-            return [_field("max_rules", RULES, 0.5, whole=True)]
+            low, high = np.log10(BANDS_HZ).tolist()
+            return [Parameter(low, high, 0.3, lambda b: b.band_hz, lambda b, x: replace(b, band_hz=short(x)))]
 
 
 def _of_model(
@@ -115,11 +107,3 @@ def _weight(p: Point) -> float:
 
 def _with_weight(p: Point, value: float) -> Point:
     return replace(p, yaw_rate_weight=float(f"{2.0 / (1.0 + 1.0 / value):.4g}"))
-
-
-def _field(name: str, ends: tuple[float, float], unit: float, whole: bool = False) -> Parameter:
-    def put(b: Brief, value: float) -> Brief:
-        return replace(b, **{name: round(value) if whole else short(value)})  # type: ignore[arg-type]  # numbers all
-
-    low, high = np.log10(ends).tolist()
-    return Parameter(low, high, unit, lambda b: float(getattr(b, name)), put)

@@ -10,15 +10,14 @@ from typing import TypeVar
 
 import numpy as np
 
-from sim_ecu.design import recordings
 from sim_ecu.design.cases import Group, Plan, Progress, draw
 from sim_ecu.design.pairs import LOOKING, Watched, watched
 from sim_ecu.design.recordings import SIMULATING, Recording, record_group
-from sim_ecu.jobs.job import Job, code
+from sim_ecu.jobs.digests import key_of
 from sim_ecu.jobs.pool import Workers
-from sim_ecu.jobs.store import BESIDE, save
 from sim_ecu.jobs.whole import each
 from sim_ecu.physics.wheelset import Wheelset
+from sim_ecu.reporting.result_files import BESIDE, save
 from wrcd.errors import InputError
 from wrcd.estimator.design import Design
 
@@ -43,7 +42,7 @@ class GroupJob:
         inputs = {
             "wheelset": asdict(self.wheelset), "plan": asdict(self.plan), "tick_s": self.tick_s, "place": self.place,
         }  # fmt: skip
-        return Job("group", inputs).key(code(recordings.__name__))
+        return key_of({"group": inputs})
 
 
 def simulate(job: GroupJob) -> Recording:
@@ -68,7 +67,7 @@ class PairsJob:
             "wheelset": asdict(self.wheelset), "plan": asdict(self.plan), "design": self.design.checksum,
             "place": self.place,
         }  # fmt: skip
-        return Job("pairs", inputs).key(code(watched.__module__))
+        return key_of({"pairs": inputs})
 
 
 J = TypeVar("J", GroupJob, PairsJob)

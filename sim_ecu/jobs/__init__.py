@@ -1,1 +1,1 @@
-"""Many jobs: pure functions of plain inputs, in processes here or elsewhere; what is done is kept."""
+"""Many jobs: pure functions of plain inputs on Dask, each in a process that may die or hang alone."""

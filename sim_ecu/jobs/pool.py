@@ -1,34 +1,57 @@
-"""Many jobs on an executor: a process for each of its threads, a limit of time for each job, a second try.
+"""Many jobs on Dask, one at a time in each worker process: of this computer, or of a scheduler.
 
-Any `concurrent.futures.Executor` whose workers are threads will do: `local(workers)`, or a Dask client's. The executor
-hands out the work; each thread of it has a process of its own, which can be ended without the worker.
+Dask's `retries` are for a task that raises. A worker that ends is blamed on all that was assigned to it; how often that
+is allowed says the scheduler's `allowed-failures`. No task has a limit of time. So each job is given to one worker by
+its address, alone, and is given out once more from here; at its limit the kernel ends the worker, which its nanny
+starts anew.
 """
 
-import atexit
 import itertools
-import threading
+import logging
+import pickle
+import signal
+import sys
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import CancelledError, Executor, Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from enum import StrEnum
 from queue import Empty, SimpleQueue
+from tempfile import TemporaryDirectory
 from typing import Any, Generic, TypeVar
 
-from sim_ecu.jobs.job import Ending
-from sim_ecu.jobs.process import NotDone, Process
+import dask
+import distributed
+from distributed.scheduler import KilledWorker
+
+from sim_ecu.jobs.digests import code
 from wrcd.errors import InputError, Status
 
 T = TypeVar("T")
 R = TypeVar("R")
-ATTEMPTS = 2
-AGAIN = (Ending.FAILED, Ending.DIED)  # too long is too long
+LIMIT_S = 3600.0  # of a job, where nobody says another
+TRIES = 2
 RESUMES = "the same command goes on from there"
-AHEAD = 4  # jobs handed out for each worker: none waits for the next
-IDLE_S = 1.0
-KILLED_WORKER = "KilledWorker"  # Dask's, after it gave a job to so many: no more of them are to die
-GIVEN_UP = "every worker that it was given to died"
-_processes = threading.local()
+LOST = "the workers are lost: no scheduler answers any more"
+CONNECT_S = 5.0
+LOOK_S = 0.5  # how often it is looked which workers are there
+BEGIN_S = 120.0  # without any worker of this computer: none will come
+FETCH_S = 60.0  # of a value: its worker may have ended since it was there
+DASK = {
+    "distributed.scheduler.allowed-failures": 0,  # said at once
+    "distributed.worker.preload": [__name__],
+    "distributed.deploy.lost-worker-timeout": "100 days",  # else one that is just starting anew then is given up
+    "distributed.admin.large-graph-warning-threshold": "1TiB",  # recordings are large
+}
+
+
+class Ending(StrEnum):
+    """How a job ended."""
+
+    DONE = "done"
+    FAILED = "failed"  # it raised an error
+    TOO_LONG = "too long"  # it was ended at its limit
+    DIED = "died"  # its process ended by itself or was killed
 
 
 class Stopped(InputError):
@@ -37,134 +60,148 @@ class Stopped(InputError):
     status = Status.STOPPED
 
 
-class Lost(Stopped):
-    """The executor does not take or finish jobs any more."""
-
-
-@dataclass(frozen=True, slots=True)
-class Workers:
-    """Who does it: an executor, how many jobs it works on at once (a function where they come and go: while there are
-    none, one job waits for them), how many are handed out for each of those.
-
-    gather: waits until somebody is there. idle: is called every second or so; what it raises ends the run.
-    """
-
-    executor: Executor
-    count: int | Callable[[], int]
-    ahead: int = AHEAD
-    gather: Callable[[], None] = lambda: None
-    idle: Callable[[], None] = lambda: None
-
-
 @dataclass(frozen=True, slots=True)
 class JobOutcome(Generic[R]):
-    """How the job at a place in the sequence ended. value: None unless it is done. seconds: of the last attempt."""
+    """How the job at a place in the sequence ended. value: None unless it is done; error: why not."""
 
     place: int
     ending: Ending
     value: R | None
     error: str
-    attempts: int
-    seconds: float
+
+
+class Workers:
+    """Those of a client of Dask. They come and go. address: of a scheduler; "" where they are of this computer."""
+
+    def __init__(self, client: Any, address: str = "") -> None:
+        self.client, self.address = client, address
+
+    def there(self) -> set[str]:
+        """Return their addresses. Raises Stopped where nobody can work."""
+        with suppress(OSError):
+            if self.client.status == "running":
+                threads = self.client.nthreads()
+                if max(threads.values(), default=1) == 1:
+                    return set(threads)
+                hint = "`dask worker --nthreads 1`: one job's limit would end the other"
+                raise InputError("a worker has several threads", key="--scheduler", hint=hint)
+        raise Stopped(LOST, hint=RESUMES)
 
 
 @contextmanager
-def local(workers: int) -> Iterator[Workers]:
-    """Yield workers on this computer. Whatever happens, no process is left when it ends."""
-    every: list[Process] = []
+def local(count: int) -> Iterator[Workers]:
+    """Yield so many workers on this computer. Whatever happens, no process is left when it ends."""
+    loopback = {"host": "127.0.0.1", "dashboard_address": "127.0.0.1:0", "scheduler_kwargs": {"dashboard": False}}
+    with (
+        dask.config.set(DASK),
+        TemporaryDirectory() as scratch,
+        distributed.LocalCluster(
+            n_workers=count, threads_per_worker=1, memory_limit=0, local_directory=scratch, **loopback,
+            silence_logs=logging.CRITICAL,
+        ) as cluster,
+        distributed.Client(cluster, set_as_default=False) as client,
+    ):  # fmt: skip
+        yield Workers(client)
 
-    def begin() -> None:
-        _processes.own = Process()
-        every.append(_processes.own)
 
-    pool = ThreadPoolExecutor(workers, "worker", begin)
-    try:
-        yield Workers(pool, workers)
-    except BaseException:
-        pool.shutdown(wait=False, cancel_futures=True)
-        for process in every:
-            process.stop()
-        raise
-    finally:
-        pool.shutdown(cancel_futures=True)
-        for process in every:
-            process.close()
+def dask_setup(_worker: Any) -> None:
+    """In a worker of this computer, as it begins: Ctrl-C at a terminal is for who started it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+@contextmanager
+def cluster(address: str) -> Iterator[Workers]:
+    """Yield the workers at a scheduler. Raises InputError for an address without one."""
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # who runs reports what is lost
+    with dask.config.set(DASK):
+        try:
+            client = distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
+        except (OSError, ValueError):
+            hint = "tcp://HOST:PORT, as `dask scheduler` prints it"
+            raise InputError(f"{address}: no scheduler answers there", key="--scheduler", hint=hint) from None
+        try:
+            yield Workers(client, address)
+        finally:
+            with suppress(OSError):  # nobody answers: who raised it reports what ended it
+                client.close(timeout=CONNECT_S)
 
 
 def run(
-    function: Callable[[T], R], jobs: Sequence[T], workers: Workers, limit_s: float | None = None
+    function: Callable[[T], R], jobs: Sequence[T], workers: Workers, limit_s: float = LIMIT_S
 ) -> Generator[JobOutcome[R], None, None]:
-    """Run function(job) of all, each outcome as soon as it is there: in no order, and at most one for each job.
+    """Run function(job) of all, each outcome as soon as it is there: in no order, and one for each job.
 
-    function is found by its module and name, and a job is pickled. What fails or dies is tried once more; what then
-    fails or dies, or takes longer than limit_s, is an outcome, no error. What is lost with a worker counts as died.
-    Raises Lost where the executor is. Whatever ends it, and when it is closed, what no worker has begun is taken back.
+    function is found by its module and name. What fails, dies or hangs is tried once more; then it is an outcome, no
+    error. Raises Stopped where nobody works any more, or with other code.
     """
-    left = iter(range(len(jobs)))
-    running: dict[Future[Any], tuple[int, int]] = {}
-    ended: SimpleQueue[Future[Any]] = SimpleQueue()
-
-    def hand_out(place: int, attempt: int) -> None:
-        try:
-            future = workers.executor.submit(attempt_at, function, jobs[place], limit_s)
-        except Exception as e:
-            raise Lost(f"they take nothing any more: {type(e).__name__}: {e}") from None
-        running[future] = place, attempt
-        future.add_done_callback(ended.put)
-
-    def fill() -> None:
-        count = workers.count if isinstance(workers.count, int) else workers.count()
-        width = max(workers.ahead * count, 1)
-        for place in itertools.islice(left, max(width - len(running), 0)):
-            hand_out(place, 1)
-
-    looked = time.monotonic()
+    left: Iterator[tuple[int, int]] = zip(range(len(jobs)), itertools.repeat(1))
+    again: list[tuple[int, int]] = []
+    at_work: dict[str, tuple[Any, int, int, float]] = {}  # future, place, attempt, begin: by worker
+    ended: SimpleQueue[Any] = SimpleQueue()
+    missing, absent = len(jobs), 0
     try:
-        fill()
-        while running:
-            now = time.monotonic()
-            if now - looked >= IDLE_S:
-                workers.idle()
-                looked = now
-            try:
-                future = ended.get(timeout=IDLE_S)
-            except Empty:
-                fill()
-                continue
-            place, attempt = running.pop(future)
-            ending, value, error, seconds = _result(future)
-            del future  # Dask works a result out again that is lost with its worker while anybody holds on to it
-            if ending in AGAIN and error != GIVEN_UP and attempt < ATTEMPTS:
-                hand_out(place, attempt + 1)
-                continue
-            fill()
-            yield JobOutcome(place, ending, value, error, attempt, seconds)
+        while missing:
+            there = workers.there()
+            for address in sorted(there - at_work.keys()):
+                if (one := again.pop() if again else next(left, None)) is not None:
+                    request = pickle.dumps((function, jobs[one[0]]), pickle.HIGHEST_PROTOCOL)
+                    future = workers.client.submit(limited, request, limit_s, code(), workers=[address], pure=False)
+                    at_work[address] = future, *one, time.monotonic()
+                    future.add_done_callback(ended.put)
+            absent = 0 if there else absent + 1
+            if absent == 1 and workers.address:
+                print(f"waiting for workers at {workers.address}", file=sys.stderr, flush=True)
+            elif absent * LOOK_S > BEGIN_S and not workers.address:
+                raise Stopped("no worker begins on this computer", hint=RESUMES)
+            with suppress(Empty):
+                ended.get(timeout=LOOK_S)
+            for address, (future, place, attempt, since_s) in list(at_work.items()):
+                if future.done() or address not in there:
+                    del at_work[address]
+                    outcome = _outcome(future, place, limit_s, time.monotonic() - since_s)
+                    if outcome.ending is Ending.DONE or attempt == TRIES:
+                        missing -= 1
+                        yield outcome
+                    else:
+                        again.append((place, attempt + 1))
     finally:
-        for future in list(running):
+        if workers.client.status == "running":
+            workers.client.cancel([future for future, *_ in at_work.values()])
+
+
+def _outcome(future: Any, place: int, limit_s: float, took_s: float) -> JobOutcome[Any]:
+    """How an attempt ended. Raises Stopped where the worker could not even begin."""
+    error: BaseException | None = None
+    try:
+        if future.status == "finished":
+            with suppress(TimeoutError):  # its worker has ended since
+                value, why = future.result(timeout=FETCH_S)
+                ended = (Ending.FAILED, None, why) if why else (Ending.DONE, pickle.loads(value), "")
+                return JobOutcome(place, *ended)
+        elif future.status == "error":
+            error = future.exception(timeout=FETCH_S)
+        elif future.status == "pending":
             future.cancel()
+        else:
+            raise Stopped(LOST, hint=RESUMES)
+    finally:
+        future.release()  # what is lost with a worker would be worked out again for who holds on to it
+    if error is not None and not isinstance(error, KilledWorker):
+        raise error if isinstance(error, Stopped) else Stopped(f"a worker cannot run jobs: {error!r}", hint=RESUMES)
+    died = (Ending.DIED, None, "its process ended or was killed")
+    return JobOutcome(place, *(died if took_s < limit_s else (Ending.TOO_LONG, None, f"not done within {limit_s:g} s")))
 
 
-def _result(future: Future[Any]) -> tuple[Ending, Any, str, float]:
+def limited(request: bytes, limit_s: float, asked: str) -> tuple[bytes, str]:
+    """On a worker: what a function gives for its job, all pickled, or why not. asked: the code of who asks."""
+    if code() != asked:
+        reason = "a worker has other sources of wrcd, or other libraries, than are here"
+        raise Stopped(reason, hint="have the same versions everywhere, and start the workers anew")
+    function, job = pickle.loads(request)  # not by Dask: its scheduler would load the rig, too
+    signal.setitimer(signal.ITIMER_REAL, limit_s)  # SIGALRM ends the process, whatever it is at
     try:
-        found: tuple[Ending, Any, str, float] = future.result()
-    except CancelledError:
-        raise Lost("what they were handed is given up") from None
-    except Exception as e:
-        if type(e).__name__ == KILLED_WORKER:
-            return Ending.DIED, None, GIVEN_UP, 0.0
-        raise Lost(f"one cannot run a job: {type(e).__name__}: {e}") from None
-    return found
-
-
-def attempt_at(function: Callable[[T], R], job: T, limit_s: float | None) -> tuple[Ending, R | None, str, float]:
-    """On a worker's thread: one attempt in the process of this thread. Ending, value, error, seconds."""
-    process: Process | None = getattr(_processes, "own", None)
-    if process is None:  # a worker that is not ours: Dask's
-        process = _processes.own = Process()
-        atexit.register(process.stop)
-    began = time.monotonic()
-    try:
-        value = process.run(function, job, limit_s)
-    except NotDone as e:
-        return e.ending, None, str(e), time.monotonic() - began
-    return Ending.DONE, value, "", time.monotonic() - began
+        return pickle.dumps(function(job), pickle.HIGHEST_PROTOCOL), ""
+    except Exception as e:  # one that is written for a person stands for itself
+        return b"", str(e) if isinstance(e, InputError) else f"{type(e).__name__}: {e}"
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)

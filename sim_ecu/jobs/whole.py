@@ -5,9 +5,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
-from sim_ecu.jobs.job import Ending
-from sim_ecu.jobs.pool import RESUMES, Stopped, Workers, local, run
-from wrcd.errors import InputError, Status
+from sim_ecu.jobs.pool import RESUMES, Ending, Stopped, Workers, local, run
 from wrcd.progress import Progress
 
 T = TypeVar("T")
@@ -40,26 +38,15 @@ class WholeRun(Generic[R]):
     missing: Sequence[Missing]
 
 
-class NotWhole(InputError):
-    """Runs failed, and what is printed lacks them."""
-
-    status = Status.STOPPED
-
-
 def every(function: Callable[[T], R], jobs: Sequence[T], pieces: Sequence[Piece], workers: int) -> WholeRun[R]:
-    """function(job) of all, one at least, in processes of their own, with progress by the pieces' cost.
-
-    function is of a module's top level, and remembers what jobs share. A run that fails or dies is tried once more.
-    """
-    progress = Progress(steps=True)
-    whole, done = sum(p.cost for p in pieces), 0.0
+    """Return function(job) of all, one at least, with progress by the pieces' cost. function keeps what jobs share."""
+    progress, whole, done = Progress(steps=True), sum(p.cost for p in pieces), 0.0
     results: list[R | None] = [None] * len(jobs)
     missing: dict[int, Missing] = {}
     try:
-        with local(min(workers, len(jobs))) as crew:
-            for number, o in enumerate(run(function, jobs, crew), 1):
-                piece = pieces[o.place]
-                results[o.place] = o.value
+        with local(min(workers, len(jobs))) as crew, closing(run(function, jobs, crew)) as ends:
+            for number, o in enumerate(ends, 1):
+                piece, results[o.place] = pieces[o.place], o.value
                 if o.ending is not Ending.DONE:
                     missing[o.place] = Missing(piece, o.error)
                 done += piece.cost
@@ -72,8 +59,7 @@ def every(function: Callable[[T], R], jobs: Sequence[T], pieces: Sequence[Piece]
 def each(
     function: Callable[[T], R], jobs: Sequence[T], workers: Workers, names: Sequence[str]
 ) -> Iterator[tuple[int, R]]:
-    """Yield place and value of every job as it ends. Raises Stopped, after the last, where some failed twice: by their
-    names."""
+    """Yield place and value of every job as it ends. Raises Stopped, after the last, that names those that failed."""
     failed: list[str] = []
     with closing(run(function, jobs, workers)) as ends:
         for o in ends:
@@ -86,14 +72,13 @@ def each(
 
 
 def left_out(missing: Sequence[Missing], suites: Iterable[str]) -> dict[str, list[str]]:
-    """Return the runs that each suite left out of a report lacks, and why; of one that is left out for another's
-    runs, none."""
+    """Return the runs that each suite lacks that is left out of a report, and why."""
     return {s: [f"{m.piece.name}: {m.why}" for m in missing if m.piece.suite == s] for s in suites}
 
 
-def not_whole(missing: Sequence[Missing]) -> NotWhole:
+def not_whole(missing: Sequence[Missing]) -> Stopped:
     """The error that ends a report with holes: its runs by name."""
     lines = [f"  {m.piece.suite}, {m.piece.name}: {m.why}" for m in missing[:MOST_NAMED]]
-    more = [f"  and {len(missing) - MOST_NAMED} more"] if len(missing) > MOST_NAMED else []
-    count = "1 run" if len(missing) == 1 else f"{len(missing)} runs"
-    return NotWhole("\n".join([f"{count} failed twice; their suites are in no table:", *lines, *more]))
+    lines += [f"  and {len(missing) - MOST_NAMED} more"] * (len(missing) > MOST_NAMED)
+    count = f"{len(missing)} run{'s' * (len(missing) > 1)}"
+    return Stopped("\n".join([f"{count} failed twice; their suites are in no table:", *lines]))

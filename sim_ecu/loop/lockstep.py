@@ -18,13 +18,6 @@ from wrcd.core.configuration import Config
 from wrcd.core.core import Core
 from wrcd.errors import InputError
 
-
-def cost_of_driving(axles: int, daemon: bool) -> float:
-    """Processor time of a second that is driven, about, in any unit."""
-    more = axles - 1
-    return 1.0 + 0.5 * more + daemon * (1.2 + 0.8 * more)
-
-
 Listener = Callable[[int, int, bytes], None]
 
 

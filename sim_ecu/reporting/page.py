@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, TypeAlias, Union
 
 from jinja2 import Environment, StrictUndefined
-from markupsafe import Markup
 
-from sim_ecu.reporting.table import Cell, Table
+from sim_ecu.reporting.table import Table
 from sim_ecu.reporting.values import text
 
 if TYPE_CHECKING:  # a page without pictures does not wait for matplotlib
@@ -25,27 +24,15 @@ class Items:
 
 
 @dataclass(frozen=True, slots=True)
-class Verbatim:
-    """Text as it would stand in a file."""
-
-    text: str
-    kind: ClassVar[str] = "verbatim"
-
-
-@dataclass(frozen=True, slots=True)
 class Folded:
     """Details that a reader unfolds."""
 
     summary: str
     parts: Sequence["Part"]
-    anchor: str = ""
-    is_open: bool = False
-    css: str = ""
     kind: ClassVar[str] = "folded"
 
 
-# a str is a sentence, a Markup is HTML as it is
-Part: TypeAlias = Union[str, Markup, Items, Verbatim, Folded, Table, "Picture"]
+Part: TypeAlias = Union[str, Items, Folded, Table, "Picture"]  # a str is a sentence
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +58,7 @@ class PageSection:
 class Page:
     """Heading and head, warnings (WORD, text) whose words begin the title too, pictures, and sections behind links.
 
-    links: what the sections are called, "" for none. style: more than every page's. generator: a mark of its maker.
+    links: what the sections are called, "" for none.
     """
 
     title: str
@@ -81,13 +68,11 @@ class Page:
     loud: Sequence[tuple[str, str]] = ()
     pictures: Iterable["Picture"] = ()
     links: str = "Tables"
-    style: str = ""
-    generator: str = ""
 
 
 def html(page: Page) -> str:
     """Return the page as HTML, in English, with its pictures inside."""
-    return _TEMPLATE.render(page=page, style=STYLE + page.style)
+    return _TEMPLATE.render(page=page, style=STYLE)
 
 
 def markdown(sections: Iterable[PageSection]) -> list[str]:
@@ -97,7 +82,7 @@ def markdown(sections: Iterable[PageSection]) -> list[str]:
         if section.name:
             out += ["", f"**{section.name}**" + f": {section.about}" * bool(section.about)]
         for k, part in enumerate(section.parts):
-            if not isinstance(part, str | Items | Table) or isinstance(part, Markup):
+            if not isinstance(part, str | Items | Table):
                 continue
             out += [""] if section.name or (k and not isinstance(part, str)) else []
             out += part.markdown() if isinstance(part, Table) else [part] if isinstance(part, str) else _listed(part)
@@ -147,42 +132,36 @@ _CARD = """
 """
 STYLE = STYLE.replace("CARDS", _CARD.format(of="")).replace("WIDE", _CARD.format(of=".wide "))
 
-# Every cell names its column, for a card has no head. The inside of a cell with a link is one part of a card's line.
+# Every cell names its column, for a card has no head.
 _PAGE = """\
 {%- macro css(classes) %}{% if classes %} class="{{ classes }}"{% endif %}{% endmacro %}
-{%- macro rows(table, part) %}<table{% if table.wide %} class="wide"{% endif %}>
-<thead><tr>{% for name in table.head %}<th scope="col"{{ css(part[0].cells[loop.index0] | css) if part }}>{{ name -}}
+{%- macro rows(table) %}{% set all = table.records %}<table{% if table.wide %} class="wide"{% endif %}>
+<thead><tr>{% for name in table.head %}<th scope="col"{{ css(all[0].cells[loop.index0] | css) if all }}>{{ name -}}
 </th>{% endfor %}</tr></thead><tbody>
-{% for row in part -%}
-<tr{% if row.anchor %} id="{{ row.anchor }}"{% endif %}{{ css(row.css) }}>{% for cell in row.cells -%}
+{% for row in all -%}
+<tr{{ css(row.css) }}>{% for cell in row.cells -%}
 {% if loop.first %}<th scope="row">{{ cell | shown }}</th>
 {%- else %}<td data-of="{{ table.head[loop.index0] }}"{{ css(cell | css) }}>{{ cell | shown }}</td>{% endif -%}
 {% endfor %}</tr>
 {% endfor %}</tbody></table>
 {% endmacro %}
 {%- macro table(t) %}{% if t.title %}<p>{{ t.title }}</p>
-{% endif %}{% for first, part in t.parts() %}{% if first %}<details class="more"><summary>{{ first + 1 }} to
- {{ first + part | length }} of {{ t.rows | length }} {{ t.what }}</summary>{% endif %}{{ rows(t, part) -}}
-{% if first %}</details>{% endif %}{% endfor %}{% if t.note %}<p>{{ t.note }}</p>
+{% endif %}{{ rows(t) }}{% if t.note %}<p>{{ t.note }}</p>
 {% endif %}{% endmacro %}
 {%- macro picture(p) %}{% set data = p.images() %}<figure><h2>{{ p.title }}</h2><picture>
 {%- for medium, image in data[:-1] %}<source media="{{ medium }}" srcset="{{ image }}">{% endfor -%}
 <img alt="{{ p.alt }}" src="{{ data[-1][1] }}"></picture><figcaption>{{ p.caption }}</figcaption></figure>
 {% endmacro %}
-{%- macro shown(part) %}{% if part is html %}{{ part }}
-{% elif part is string %}<p>{{ part }}</p>
+{%- macro shown(part) %}{% if part is string %}<p>{{ part }}</p>
 {% elif part.kind == "table" %}{{ table(part) }}{% elif part.kind == "picture" %}{{ picture(part) -}}
 {% elif part.kind == "items" %}<ul>{% for item in part.items %}<li>{{ item }}</li>{% endfor %}</ul>
-{% elif part.kind == "verbatim" %}<pre>{{ part.text }}</pre>
-{% elif part.kind == "folded" %}<details{{ css(part.css) }}{% if part.anchor %} id="{{ part.anchor }}"{% endif -%}
-{% if part.is_open %} open{% endif %}><summary>{{ part.summary }}</summary>
+{% elif part.kind == "folded" %}<details><summary>{{ part.summary }}</summary>
 {% for inner in part.parts %}{{ shown(inner) }}{% endfor %}</details>
 {% endif %}{% endmacro -%}
 <!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><meta http-equiv="Content-Security-Policy" content="default-src 'none'; \
 style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"><title>
 {%- for word, _ in page.loud %}{{ word }} {% endfor %}{{ page.title }}</title>
-{% if page.generator %}<meta name="generator" content="{{ page.generator }}">{% endif %}
 <link rel="icon" href="data:,"><meta name="viewport" content="width=device-width, initial-scale=1">\
 <style>{{ style | safe }}</style></head>
 <body>
@@ -199,17 +178,6 @@ style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"><
 """
 
 
-def _shown(cell: object) -> str:
-    if isinstance(cell, Cell):
-        return Markup(f"<span>{cell.html}</span>") if "<a " in cell.html else cell.html
-    return text(cell)  # type: ignore[arg-type]  # a Value, which no template can say
-
-
-def _css(cell: object) -> str:
-    return cell.css if isinstance(cell, Cell) else "text" if isinstance(cell, str) else ""
-
-
 _ENVIRONMENT = Environment(autoescape=True, undefined=StrictUndefined, keep_trailing_newline=True)
-_ENVIRONMENT.filters |= {"shown": _shown, "css": _css}
-_ENVIRONMENT.tests["html"] = lambda part: isinstance(part, Markup)
+_ENVIRONMENT.filters |= {"shown": text, "css": lambda cell: "text" if isinstance(cell, str) else ""}
 _TEMPLATE = _ENVIRONMENT.from_string(_PAGE)

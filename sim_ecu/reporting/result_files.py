@@ -1,13 +1,17 @@
 """Files that a command is to write: looked at before the work, which may be long, and written after it. Its status."""
 
 import json
+import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from sim_ecu.reporting.values import MISSED, TOO_FEW, plain
 from wrcd.errors import InputError, Status, create
+
+BESIDE = ".new"  # the suffix of a file that has not taken its place yet
 
 
 def check_output(key: str, file: Path | None) -> None:
@@ -30,6 +34,23 @@ def write_results(
     if html_out:
         with create(html_out) as file:
             file.write(page())
+
+
+def save(file: Path, write: Callable[[Path], object]) -> None:
+    """Write a file beside its place, then put it there: the whole file or the one before, whatever happens. Raises
+    InputError where it cannot be written."""
+    beside = file.with_name(f".{file.name}{BESIDE}")
+    try:
+        write(beside)
+        with beside.open("rb") as opened:
+            os.fsync(opened.fileno())
+        beside.replace(file)
+    except OSError as e:
+        hint = "check the folder, its room and your rights"
+        raise InputError(f"cannot be written: {e.strerror}", file=file, hint=hint) from None
+    finally:
+        with suppress(OSError):  # half of one: it could not be written, or Ctrl-C came
+            beside.unlink(missing_ok=True)
 
 
 def status_by_goals(fail_on: str | None, goals: Sequence[Mapping[str, Any]]) -> Status:

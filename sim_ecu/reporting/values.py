@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import asdict, dataclass, is_dataclass
-from datetime import UTC, datetime
 from typing import Any, TypeAlias
 
 UNKNOWN = "–"
@@ -76,25 +75,6 @@ def share(value: Figure | float) -> str:
         value = 100 * value
     shown = number(value, 1)
     return shown if shown == UNKNOWN else f"{shown} %"
-
-
-def duration(seconds: float) -> str:
-    """Return a duration in seconds below two minutes, in minutes below an hour, or in hours; nothing for NaN."""
-    if math.isnan(seconds):
-        return ""
-    if seconds >= 3600:
-        return f"{seconds / 3600:.1f} h"
-    return f"{seconds / 60:.1f} min" if seconds >= 120 else f"{seconds:.1f} s"
-
-
-def date(stamp_s: float) -> str:
-    """Return a time since 1970 in UTC to the minute; nothing for NaN."""
-    return "" if math.isnan(stamp_s) else datetime.fromtimestamp(stamp_s, UTC).strftime("%Y-%m-%d %H:%M")
-
-
-def many(n: int, what: str) -> str:
-    """Return a count with its noun: 1 log, 2 logs."""
-    return f"{n} {what}{'s' * (n != 1)}"
 
 
 def plain(x: Any) -> Any:

@@ -105,13 +105,10 @@ RIG: dict[str, dict[Status, str]] = {
         Status.NOT_THERE: "the bus or a file cannot be opened",
         Status.INTERRUPTED: "Ctrl-C before it controlled",
     },
-    "design": {Status.DONE: "the file is made", **_MADE},
-    "tune": {
-        Status.DONE: "the design beats or equals the one to reach; or with `--played 0`, the brief is written",
-        Status.STOPPED: "it does not reach it, or the runs cannot tell: it is written all the same, and the table says "
-        "what differs",
+    "design": {
+        Status.DONE: "the file is made",
+        Status.STOPPED: "jobs failed twice: the error names them",
         **_MADE,
-        Status.INTERRUPTED: "Ctrl-C: the same command goes on from there",
     },
     "score": {
         Status.DONE: _PRINTED,
@@ -125,12 +122,6 @@ RIG: dict[str, dict[Status, str]] = {
         "code, or the disk is full: the same command goes on from there",
         Status.BAD_INPUT: _RIG_BAD,
         Status.INTERRUPTED: "Ctrl-C or SIGTERM: the same command goes on from there",
-    },
-    "compare": {
-        Status.DONE: "the tables are printed, whatever the verdicts",
-        Status.STOPPED: "with `--fail-on`: a figure is worse, or differs",
-        Status.BAD_INPUT: f"{_RIG_BAD}; or, with `--fail-on`, nothing that differs could be judged",
-        **_STOPPED,
     },
     "figures": {Status.DONE: "the figures are drawn", **_MADE},
     "demo": {

@@ -3,39 +3,35 @@
 `python -m tests.support.trial_kind campaign …` is `sim-ecu campaign …` with this kind.
 """
 
-import json
 import os
-import shutil
 import signal
-import sqlite3
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, TypeAlias
 
-from sim_ecu.campaign.kind import Factor, Kind, Metric, Type
-from sim_ecu.jobs.job import Job, Scalar
+import pandas as pd
+
+from sim_ecu.campaign.kind import Factor, Kind, Scalar
+from tests.support.processes import wait_for
 from wrcd.errors import InputError
 
 Write: TypeAlias = Callable[..., Path]  # the fixture that writes a campaign's file
 HANGS_S = 600.0
+GATE_S = 120.0  # a test that failed opens none
 
 
-def figures(job: Job) -> Mapping[str, Scalar]:
+def figures(inputs: Mapping[str, Any]) -> Mapping[str, Scalar]:
     """The work."""
-    inputs = job.inputs
     if inputs.get("record"):
         fd = os.open(str(inputs["record"]), os.O_WRONLY | os.O_APPEND | os.O_CREAT)
         os.write(fd, f"{inputs['x']:g} {inputs['seed']} {os.getpid()}\n".encode())
         os.close(fd)
     if inputs.get("waits_for") and inputs["seed"] >= inputs.get("waits_from", 0):
-        while not Path(str(inputs["waits_for"])).exists():
-            time.sleep(0.01)
-    time.sleep(float(inputs.get("takes_s", 0.0)))
+        wait_for("the gate", GATE_S, Path(str(inputs["waits_for"])).exists)
     act(str(inputs.get("act", "")), int(inputs["seed"]))
     text = Path(str(inputs["file"])).read_text(encoding="utf-8") if inputs.get("file") else ""
     return {"sum": float(inputs["x"]) + int(inputs["seed"]), "letters": len(text), "even": inputs["seed"] % 2 == 0}
@@ -52,36 +48,31 @@ def act(what: str, seed: int) -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
 
-def check(inputs: Mapping[str, Any]) -> None:
+def check(inputs: Mapping[str, Any]) -> float:
     """Not everything goes with everything."""
     if inputs["x"] > 100:
         raise InputError(f"takes 100 at most, not {inputs['x']:g}", key="x")
+    return 1.0
 
 
 TRIAL = Kind(
     "trial",
-    "adds up",
     (
-        Factor("x", Type.NUMBER, "a number"),
-        Factor("mode", Type.TEXT, "a word", "plain", choices=("plain", "fancy")),
-        Factor("act", Type.TEXT, "what goes wrong", "", choices=("", "fail", "hang", "die")),
-        Factor("file", Type.TEXT, "a file to read", "", is_file=True),
-        Factor("takes_s", Type.NUMBER, "how long it takes", 0.0, "s"),
-        Factor("record", Type.TEXT, "where each execution leaves a line", ""),
-        Factor("waits_for", Type.TEXT, "a file that it waits for", ""),
-        Factor("waits_from", Type.WHOLE, "the first seed that does", 0),
-        Factor("level", Type.WHOLE, "a whole number", 0),
-        Factor("on", Type.FLAG, "a flag", False),
+        Factor("x", float, needed=True),
+        Factor("mode", str, choices=("plain", "fancy")),
+        Factor("act", str, choices=("", "fail", "hang", "die")),
+        Factor("file", str, is_file=True),
+        Factor("record", str),
+        Factor("waits_for", str),
+        Factor("waits_from", int),
+        Factor("level", int),
+        Factor("on", bool),
     ),
-    (
-        Metric("sum", Type.NUMBER, "x and seed", "m", "less"),
-        Metric("letters", Type.WHOLE, "of the file"),
-        Metric("even", Type.FLAG, "whether the seed is"),
-    ),
+    {"sum": float, "letters": int, "even": bool},
     figures,
-    open_factors=("scenario.",),
+    "mode",
+    ("scenario.",),
     check=check,
-    suite="mode",
 )
 
 
@@ -90,17 +81,12 @@ def lines(file: Path) -> list[str]:
     return file.read_text().split("\n")[:-1] if file.exists() else []
 
 
-def rows(file: Path) -> list[dict[str, Any]]:
-    """The figures of the rows that are in a store's file, whoever writes it; none where it is not readable yet."""
-    with TemporaryDirectory() as copy:
-        for part in (file, file.with_name(f"{file.name}-wal")):  # it is open for one process: a copy is looked at
-            if part.exists():
-                shutil.copy(part, copy)
-        with closing(sqlite3.connect(f"{copy}/{file.name}")) as database:
-            try:
-                return [json.loads(figures) for (figures,) in database.execute("SELECT figures FROM rows")]
-            except sqlite3.DatabaseError:
-                return []
+def rows(folder: Path) -> pd.DataFrame:
+    """The rows that are in a campaign's folder, as its user reads them, by x, act and seed."""
+    if not list(folder.glob("rows/*.parquet")):
+        return pd.DataFrame(columns=["key", "x", "seed"])
+    found = pd.read_parquet(folder / "rows")
+    return found.sort_values([c for c in ("x", "act", "seed") if c in found], ignore_index=True)
 
 
 @contextmanager
@@ -127,7 +113,7 @@ def main() -> int:
     """sim-ecu with this kind."""
     from sim_ecu.campaign import definition
     from sim_ecu.cli.main import main as sim_ecu
-    from tests.support.trial_kind import TRIAL as importable  # children find its function by this module's name
+    from tests.support.trial_kind import TRIAL as importable  # workers find its function by this module's name
 
     definition.KINDS = (*definition.KINDS, importable)
     return sim_ecu(sys.argv[1:])

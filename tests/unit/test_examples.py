@@ -122,4 +122,4 @@ def test_every_example_is_in_the_index_and_begins_with_its_use() -> None:
 
 def test_campaign_asks_for_every_combination(capsys: pytest.CaptureFixture[str]) -> None:
     assert rig(["campaign", str(EXAMPLES / "stops.toml"), "--dry-run"]) == 0
-    assert capsys.readouterr().out.startswith("Stops with wrcd and without: 40 jobs of kind drive: ")
+    assert capsys.readouterr().out.startswith("Stops with wrcd and without: 40 jobs of kind drive")

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from wrcd import __version__
 from wrcd.bus.codec import message_key
 from wrcd.bus.dbc import Database, find_message
+from wrcd.bus.reasons import Reason
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
@@ -39,12 +40,13 @@ LAST_TICK_US = 20_000  # before a step of the clock: what was not reported of it
 
 @dataclass(frozen=True, slots=True)
 class Estimated:
-    """What came of a log: frames by their message, changes in their order, frames that were accepted; by axle number
-    what the core estimated for its Adhesion frames."""
+    """What came of a log: frames by their message, changes in their order, frames that were accepted and (by message
+    and reason) refused; by axle number what the core estimated for its Adhesion frames."""
 
     sent: Scan
     changes: tuple[Change, ...]
     accepted: int
+    refused: Mapping[tuple[str, Reason], int]
     answers: Mapping[int, "FrameEstimates"]
 
 
@@ -114,7 +116,10 @@ def estimate(
         if number % 1024 == 0:
             reached(o.frame.stamp_us + onward.correction_us)
     changes += [_onward(c, onward) for c in new_changes.take()]
-    return Estimated(gathering.done(log), tuple(changes), core.counts.accepted - before, answers)
+    counts = core.counts
+    return Estimated(
+        gathering.done(log), tuple(changes), counts.accepted - before, dict(counts.rejected_by_message), answers
+    )
 
 
 def _onward(change: Change, onward: Onward) -> Change:
@@ -186,6 +191,7 @@ def gather(
         distance(speed), torque, status, rejects, link,
         statistics.bus(found, config, databases, truth_keys, own.keys, wrong, bit_rate), (), (), tuple(warnings),
         config, _versions(config), found.whole, found.clock_steps,
+        estimated.accepted if estimated else 0, estimated.refused if estimated else {},
     )  # fmt: skip
     return verdict.judged(story_events.with_falls(story))
 

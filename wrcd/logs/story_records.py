@@ -11,6 +11,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from wrcd.bus.reasons import Reason
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import Config
 from wrcd.errors import InputError
@@ -250,6 +251,8 @@ class Story:
     versions: Mapping[str, str] = field(default_factory=dict)  # wrcd, design and its checksum, Python, libraries
     whole: bool = True  # all of the log could be read
     clock_steps: tuple[ClockStep, ...] = ()
+    accepted: int = 0  # frames that the core accepted, of what is estimated here
+    refused: Mapping[tuple[str, Reason], int] = field(default_factory=dict)  # by message and reason, likewise
 
     def axle(self, number: int) -> StoryAxle:
         """Return an axle by its number. Raises InputError for one that the log has not."""

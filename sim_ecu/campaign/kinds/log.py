@@ -1,219 +1,132 @@
-"""The kind `log`: a recorded log through the daemon's core."""
+"""A recorded log through the daemon's core: what it was worth, what was wrong, and the adhesion along the way."""
 
 import json
-import math
-from collections.abc import Mapping, Sequence
-from functools import cache, lru_cache
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from sim_ecu.campaign.fleet.tally import CLASSES, STEP_M, STEP_S, VALIDITIES, AxleTally, Tally
-from sim_ecu.campaign.kind import Factor, Kind, Metric, Type
-from sim_ecu.jobs.job import Job, Scalar, digest
+from sim_ecu.campaign.kind import Factor, Kind, Scalar
+from sim_ecu.campaign.kinds.given import named_by
 from wrcd.config.config import load_config
 from wrcd.core.causes import RESERVED, Cause, Validity
-from wrcd.core.configuration import Config
-from wrcd.core.core import Core
-from wrcd.core.messages import nan_to_none
-from wrcd.core.vocabulary import snake
+from wrcd.core.vocabulary import SURFACES, snake
 from wrcd.errors import InputError
-from wrcd.logs.damage import Damage
-from wrcd.logs.feed import outgoing_of_log
-from wrcd.logs.reader import LogReader
-from wrcd.recorder.resume import load, state_file
+from wrcd.logs.mapped_inputs import MAX_HOLD_US
+from wrcd.logs.story import gather
+from wrcd.logs.story_events import VALIDITIES
+from wrcd.logs.story_records import Event, Story, StoryAxle, newest_values
 
-CAUSES = tuple(c for c in Cause if c is not Cause.NONE and c not in RESERVED)
-OWN = ("log", "state")  # among Job.files: what the job itself looks at
-MAX_FINE = 50  # steps of 100 m or 10 s that are kept as they are; of a longer log they are kilometres and minutes
-ESCAPED = "\\x"  # in a name instead of a byte that is no text
-KILOMETRE, MINUTE = 1000.0, 60.0
-
-
-def cause_column(cause: Cause) -> str:
-    """The figure's name: cause_gyro_dead."""
-    return f"cause_{snake(cause.label)}"
-
-
-def class_column(prefix: str, name: str) -> str:
-    """The figure's name: km_very_low, hours_not_valid."""
-    return f"{prefix}_{snake(name.replace(' ', '').replace('notV', 'NotV'))}"
-
-
-FIGURES = (
-    Metric("begin_s", Type.NUMBER, "the log's first stamp, since 1970", "s"),
-    Metric("hours", Type.NUMBER, "what the daemon had something to say of", "h"),
-    Metric("km", Type.NUMBER, "way in that time", "km"),
-    Metric("axles", Type.WHOLE, "axles that the log has frames of"),
-    Metric("valid", Type.NUMBER, "share of the axles' time that is Valid", better="more"),
-    Metric("degraded", Type.NUMBER, "share that is Degraded", better="less"),
-    Metric("not_available", Type.NUMBER, "share that is NotAvailable", better="less"),
-    Metric("read", Type.WHOLE, "frames read"),
-    Metric("accepted", Type.WHOLE, "frames accepted"),
-    Metric("refused", Type.WHOLE, "mapped frames refused", better="less"),
-    Metric("restarts", Type.WHOLE, "how often an axle was started anew", better="less"),
-    Metric("clock_steps", Type.WHOLE, "how often the log's clock was set back"),
-    Metric("whole", Type.FLAG, "all of the log could be read"),
-    Metric("suspects", Type.WHOLE, "suspicious sensors and messages", better="less"),
-    Metric("worst_s", Type.NUMBER, "the longest time that one of them was named", "s", "less"),
-    *(Metric(class_column("km", c), Type.NUMBER, f"axle-kilometres, {c}", "km") for c in CLASSES),
-    *(Metric(class_column("hours", c), Type.NUMBER, f"axle-hours, {c}", "h") for c in CLASSES),
-    *(Metric(cause_column(c), Type.NUMBER, f"share of the axles' time: {c.words}", better="less") for c in CAUSES),
-    Metric("detail", Type.TEXT, "by axle, kilometre and minute, and what is suspicious, as JSON"),
-)
+CLASSES = (*(snake(name) for _, name in SURFACES), "not_valid")  # the most slippery last but one
+LOWS = np.array(sorted(low for low, _ in SURFACES))[1:]  # from which the next better one begins
+CAUSES = {c: f"cause_{snake(c.label)}" for c in Cause if c is not Cause.NONE and c not in RESERVED}
+# Causes that name a sensor, its wiring or its sender (the rest are of the ride or of the estimate), and for how long in
+# all one must have held.
+SUSPICIOUS_S = dict.fromkeys(
+    (Cause.SENSORS_SILENT, Cause.GYRO_REVERSED, Cause.GYRO_DEAD, Cause.SENSORS_UNRELATED, Cause.ACCEL_SMALL,
+     Cause.TORQUES_CONTRADICT, Cause.SENSOR_DEGRADED, Cause.TWO_SENDERS, Cause.UNCHANGED), 0.0,
+) | {Cause.INPUT_SILENT: 1.0, Cause.INPUT_STALE: 1.0}  # fmt: skip
+MIN_REFUSED_SHARE = 0.01  # of a message's frames
+KILOMETRE = 1000.0
+SHARES = {v: snake(v) for v in (Validity.VALID, Validity.DEGRADED, Validity.NOT_AVAILABLE)}
+FIGURES = {
+    "begin_s": float, "hours": float, "km": float, "axles": int,
+    **dict.fromkeys(SHARES.values(), float),
+    **dict.fromkeys(("read", "accepted", "refused", "restarts", "clock_steps"), int),
+    "whole": bool, "suspects": int, "worst_s": float,
+    **{f"{of}_{c}": float for of in ("km", "hours") for c in CLASSES},
+    **dict.fromkeys(CAUSES.values(), float), "detail": str,
+}  # fmt: skip
 
 
-def replayed(job: Job) -> Mapping[str, Scalar]:
-    """The figures of a log. Raises InputError for one that cannot be read, or has no usable input."""
-    inputs = job.inputs
+def figures(inputs: Mapping[str, Any]) -> Mapping[str, Scalar]:
+    """Replay a log. Raises InputError for one that cannot be read, or has no usable input."""
     log, channel = Path(inputs["log"]), inputs.get("channel") or None
-    _unchanged(job, log)
-    if ESCAPED in str(log) and not log.exists():
-        raise InputError("has a name that is no UTF-8, and is not read", file=log, hint="rename the file or its folder")
-    shared = tuple(sorted((name, found) for name, found in job.files.items() if name not in OWN))
-    config = _config(inputs.get("configuration") or "", shared)
-    tally, reader = Tally(config), LogReader(log, channel)
-    core, onward, damage = Core(config, observer=tally), reader.clock, reader.damage
-    saved = load(state_file(log), core) if state_file(log).exists() else None
-    begin_us = newest_us = None
-    for o, _ in outgoing_of_log(core, reader, saved):
-        tally.correction_us = onward.correction_us
-        frame, _ = onward.moved((o.frame, ""))
-        begin_us = frame.stamp_us if begin_us is None else begin_us
-        newest_us = frame.stamp_us
-        tally.sent(core, frame, o.cause)
-    if not tally.taken:
-        raise InputError(
-            f"none of its {damage.read} frames is a usable input of this configuration", file=log,
-            hint="wrcd check --log tells why",
-        )  # fmt: skip
-    if begin_us is None or newest_us is None:
+    config = load_config(Path(inputs["configuration"]) if inputs.get("configuration") else None)
+    story = gather(log, config, replay=True, channel=channel)
+    if not story.axles:
         raise InputError("is too short: not one slot ends in it", file=log, hint="leave it out")
-    tally.end(core, newest_us)
-    return _figures(tally, (begin_us, newest_us), damage, len(onward.steps), reader.warnings)
-
-
-def _unchanged(job: Job, log: Path) -> None:
-    """Raises InputError for a log that has changed since it was requested."""
-    for name, file in zip(OWN, (log, state_file(log)), strict=True):
-        if name in job.files and digest(file) != job.files[name]:
-            raise InputError("has changed since the campaign began", file=file, hint="begin it again")
-
-
-@lru_cache(maxsize=8)
-def _config(file: str, contents: tuple[tuple[str, str], ...]) -> Config:
-    """A configuration, read once by a process for all logs of it. contents: an edited one is another."""
-    del contents
-    return load_config(Path(file) if file else None)
-
-
-def _figures(
-    tally: Tally, span_us: tuple[int, int], damage: Damage, steps: int, warnings: Sequence[str]
-) -> Mapping[str, Scalar]:
-    """span_us: the log's begin and end."""
-    axles = tally.with_frames()
-    seconds = sum(a.seconds for a in axles)
-    begin_us = span_us[0]
-    suspects = list(tally.suspects(*span_us))
-    out: dict[str, Scalar] = {
-        "begin_s": begin_us * 1e-6,
-        "hours": max(a.seconds for a in axles) / 3600,
-        "km": max(a.metres for a in axles) / 1000,
-        "axles": len(axles),
-        **{snake(v): _share(sum(a.by_validity[k] * a.cycle_s for a in axles), seconds)
-           for k, v in enumerate(VALIDITIES) if v in set(Validity)},
-        "read": damage.read,
-        "accepted": tally.taken,
-        "refused": tally.refusals.total,
-        "restarts": sum(a.spells.times[Cause.RESTARTED] for a in axles),
-        "clock_steps": steps,
-        "whole": damage.whole,
-        "suspects": len(suspects),
-        "worst_s": max((s.seconds for s in suspects), default=0.0),
-    }  # fmt: skip
-    way, time = (sum((bins.total for bins in of), np.zeros(len(CLASSES)))
-                 for of in ([a.way for a in axles], [a.time for a in axles]))  # fmt: skip
-    out |= {class_column("km", c): float(way[k]) / 1000 for k, c in enumerate(CLASSES)}
-    out |= {class_column("hours", c): float(time[k]) / 3600 for k, c in enumerate(CLASSES)}
-    out |= {cause_column(c): _share(sum(a.by_cause[c] * a.cycle_s for a in axles), seconds) for c in CAUSES}
+    suspects = [*(s for a in story.axles for s in _named(a.events, story.begin_us)), *_refused(story)]
+    parts = [_part(story, a) for a in story.axles]
+    seconds = sum(p["seconds"] for p in parts)
+    numbers = [a.number for a in story.axles]
     detail = {
-        "axles": by_axle(axles),
-        "without_frame": [a.number for a in tally.axles.values() if a not in axles],
-        "suspects": [s.document() for s in suspects],
-        "refused": tally.refusals.document(begin_us),
-        "warnings": list(warnings),
-    }
-    return out | {"detail": json.dumps(detail, separators=(",", ":"))}
-
-
-def _share(part: float, of: float) -> float:
-    return float(part) / of if of else math.nan
-
-
-def by_axle(axles: Sequence[AxleTally]) -> list[dict[str, Any]]:
-    """The detail of each. All have the steps that the longest needs, so that they can be added up."""
-    step_m = _step(max(a.metres for a in axles), STEP_M, KILOMETRE)
-    step_s = _step(max(a.seconds for a in axles), STEP_S, MINUTE)
-    return [_axle(a, step_m, step_s) for a in axles]
-
-
-def _axle(a: AxleTally, step_m: float, step_s: float) -> dict[str, Any]:
-    """An axle's part of the detail. way: metres of each class, time: seconds, by step."""
-    share = _share(int(a.by_validity[VALIDITIES.index(Validity.VALID)]), a.frames)
+        "axles": [{"axle": number, "metres": p["way"]} for number, p in zip(numbers, parts, strict=True)],
+        "without_frame": [a.number for a in config.axles if a.number not in numbers], "suspects": suspects,
+        "warnings": story.warnings,
+    }  # fmt: skip
     return {
-        "axle": a.number,
-        "seconds": round(a.seconds, 3),
-        "metres": round(a.metres, 1),
-        "valid": nan_to_none(share),
-        "causes": {c.label: round(int(a.by_cause[c]) * a.cycle_s, 3) for c in CAUSES if a.by_cause[c]},
-        "step_m": step_m,
-        "way": np.round(a.way.merged(step_m)).astype(int).tolist() if a.metres else [],
-        "step_s": step_s,
-        "time": np.round(a.time.merged(step_s), 1).tolist(),
+        "begin_s": story.begin_us / 1e6,
+        "hours": max(p["seconds"] for p in parts) / 3600,
+        "km": max(sum(p[f"km_{c}"] for c in CLASSES) for p in parts),
+        "axles": len(parts),
+        "read": sum(m.frames for m in story.bus.messages) + len(story.bus.error_frames),
+        "accepted": story.accepted,
+        "refused": sum(story.refused.values()),
+        "restarts": sum(e.cause is Cause.RESTARTED for a in story.axles for e in a.events),
+        "clock_steps": len(story.clock_steps),
+        "whole": story.whole,
+        "suspects": len(suspects),
+        "worst_s": max((s["seconds"] for s in suspects), default=0.0),
+        **{name: sum(p[name] for p in parts) / seconds for name in (*SHARES.values(), *CAUSES.values())},
+        **{name: sum(p[name] for p in parts) for c in CLASSES for name in (f"km_{c}", f"hours_{c}")},
+        "detail": json.dumps(detail, separators=(",", ":")),
     }
 
 
-def _step(length: float, fine: float, coarse: float) -> float:
-    return fine if length <= MAX_FINE * fine else coarse
+def _part(story: Story, axle: StoryAxle) -> dict[str, Any]:
+    """An axle's seconds, in all and of each validity and cause; hours and kilometres of each class; metres of each
+    class by kilometre."""
+    a, n = axle.adhesion, len(CLASSES)
+    cycle_s = next(c.adhesion.cycle_us for c in story.config.axles if c.number == axle.number) * 1e-6
+    known = (a.validity == VALIDITIES.index(Validity.VALID)) & np.isfinite(a.available_pct)
+    of = np.where(known, n - 2 - np.searchsorted(LOWS, a.available_pct, side="right"), n - 1)
+    speed = story.speed.values["speed_m_s"] if story.speed else np.zeros(0)
+    stamps_us = story.speed.time_us if story.speed else np.zeros(0, np.int64)
+    sound = np.isfinite(speed)
+    hold_us = np.iinfo(np.int64).max if story.speed and story.speed.constant else MAX_HOLD_US
+    metres = np.nan_to_num(newest_values(stamps_us[sound], np.abs(speed[sound]), a.time_us, hold_us)) * cycle_s
+    kilometre = ((np.cumsum(metres) - metres) // KILOMETRE).astype(np.int64)
+    way = np.bincount(kilometre * n + of, metres, (kilometre.max() + 1) * n).reshape(-1, n)
+    hours, km = np.bincount(of, minlength=n) * cycle_s / 3600, way.sum(axis=0) / KILOMETRE
+    return {
+        "seconds": len(a) * cycle_s, "way": way.round(1).tolist(),
+        **{name: float((a.validity == VALIDITIES.index(v)).sum()) * cycle_s for v, name in SHARES.items()},
+        **{name: sum(e.duration_s for e in axle.events if e.cause is c) for c, name in CAUSES.items()},
+        **{f"hours_{c}": float(hours[k]) for k, c in enumerate(CLASSES)},
+        **{f"km_{c}": float(km[k]) for k, c in enumerate(CLASSES)},
+    }  # fmt: skip
 
 
-def _cost(inputs: Mapping[str, Any]) -> float:
-    """The log's size, in bytes."""
-    log = Path(inputs["log"])
-    return float(log.stat().st_size) if log.is_file() else 1.0
+def _named(events: Iterable[Event], begin_us: int) -> Iterator[dict[str, Any]]:
+    """Yield what the daemon itself named of an axle's sensors: for how long, first when, in its words."""
+    for cause, least_s in SUSPICIOUS_S.items():
+        every = [e for e in events if e.cause is cause]
+        seconds = sum(e.duration_s for e in every)
+        if every and seconds >= least_s:
+            text = max(every, key=lambda e: e.duration_s).detail or cause.words
+            first_s = (every[0].begin_us - begin_us) * 1e-6
+            yield {"what": cause.label, "axle": every[0].axle, "text": text, "first_s": first_s, "seconds": seconds}
 
 
-def _named(inputs: Mapping[str, Any]) -> dict[str, Path]:
-    """The configuration's DBC and design, and the state beside a recorder's log."""
-    out: dict[str, Path] = {}
-    if inputs.get("configuration"):
-        config = _beside(inputs["configuration"])
-        out |= {"dbc": config.dbc_file, "design": config.design_file}
-    if state_file(Path(inputs["log"])).exists():
-        out["state"] = state_file(Path(inputs["log"]))
-    return out
+def _refused(story: Story) -> Iterator[dict[str, Any]]:
+    """Yield messages of which many frames were refused for a reason; their time is their share of the log's."""
+    frames, config = {m.name: m.frames for m in story.bus.messages}, story.config
+    axles = {i.source.message: i.source.axles for i in config.inputs}
+    for (message, reason), refused in story.refused.items():
+        share = refused / max(frames.get(message, 0), refused)
+        if share >= MIN_REFUSED_SHARE:
+            axle = config.axles[axles[message][0]].number if len(axles[message]) == 1 else 0
+            text = f"{message}: {refused} of {frames.get(message)} frames refused for {reason.value}"
+            seconds = share * (story.end_us - story.begin_us) * 1e-6
+            yield {"what": f"Refused{reason.label}", "axle": axle, "text": text, "seconds": seconds}
 
 
-@cache
-def _beside(file: str) -> Config:
-    """A configuration, read once for all logs of it when the jobs are made."""
-    return load_config(Path(file))
-
-
-KIND = Kind(
+LOG = Kind(
     "log",
-    "a recorded log through the daemon's core",
-    (
-        Factor("train", Type.TEXT, "whose log it is", default=""),
-        Factor("log", Type.TEXT, "the log", is_file=True),
-        Factor("configuration", Type.TEXT, "the daemon's; empty: the packaged one", default="", is_file=True),
-        Factor("channel", Type.TEXT, "of a log that has several; empty: the only one", default=""),
-    ),
-    FIGURES,
-    replayed,
-    seeded=False,
-    cost=_cost,
-    suite="train",
-    named=_named,
-)
+    (Factor("train", str), Factor("log", str, needed=True, is_file=True),
+     Factor("configuration", str, is_file=True), Factor("channel", str)),
+    FIGURES, figures, "train", seeded=False, check=lambda inputs: float(Path(inputs["log"]).stat().st_size),
+    named=named_by,
+)  # fmt: skip

@@ -20,7 +20,7 @@ def runs(source: Recipe, suite: str | None, scale: float, number: int = 0) -> It
     """One suite or all of them; scale is the share of the runs. A paired suite brings its part of the grid along.
 
     number: of a lot; 0 is what `sim-ecu score` plays, each other one gives the same kinds of runs with seeds of its
-    own, and those below zero seeds that no score has: to tune with.
+    own, and those below zero seeds that no score has: to choose a design by.
     """
     w, lot = source.wheelset, lot_of(number)
     makers: dict[str, Callable[[Wheelset, float, Lot], Iterator[Run]]] = {

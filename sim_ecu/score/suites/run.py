@@ -15,10 +15,9 @@ from sim_ecu.play.faults import Fault
 from sim_ecu.play.scenario import AxleScenario, Course, DriveCourse, FloatArray, Scenario, rail_table
 
 FIRST_TEST_SEED = 2_000_000_000  # training seeds stay far below
-# Runs that designs are tuned on: above the seeds of all plans, below those of conditions that are held for a search.
+# Runs that designs are chosen by: above the seeds of all plans, below those of conditions that are held for a search.
 FIRST_TRAINING_SEED, TRAINING_SEEDS, TRAINING_LOTS = 1_905_000_000, 1_000_000, 40
 TEST_SEEDS, TEST_LOTS = 1_000_000_000, 40
-TUNED_LOT = TEST_LOTS  # what tuned designs are tested on: behind all that a score can have
 AXLES = 4
 NOMINAL_FROM_S = 2.0  # frames before are not judged
 SPEEDS = (10.0, 50.0)
@@ -66,8 +65,8 @@ TEST = Lot()  # what `sim-ecu score` plays
 
 
 def lot_of(number: int) -> Lot:
-    """The score's own for 0; further ones below TEST_LOTS, to score on other seeds; TUNED_LOT. Below zero, down to
-    -TRAINING_LOTS: to tune with."""
+    """The score's own for 0; further ones below TEST_LOTS, to score on other seeds. Below zero, down to -TRAINING_LOTS:
+    to choose a design by."""
     if number < 0:
         return Lot(FIRST_TRAINING_SEED - (1 + number) * TRAINING_SEEDS, TRAINING_SEEDS)
     return Lot(FIRST_TEST_SEED + number * TEST_SEEDS)

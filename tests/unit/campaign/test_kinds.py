@@ -1,6 +1,7 @@
 """The kinds of job: what they declare is what they give, the same anywhere, and nonsense is refused before it runs."""
 
 import math
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -8,19 +9,18 @@ from typing import Any
 import pytest
 
 from sim_ecu.campaign.definition import KINDS
-from sim_ecu.campaign.go import typed
 from sim_ecu.campaign.kind import Kind
 from sim_ecu.campaign.kinds.given import scenario_of
-from sim_ecu.campaign.kinds.score import figures_of, suite_of
+from sim_ecu.campaign.kinds.score import suite_of
 from sim_ecu.design.brief import load_source
-from sim_ecu.jobs.job import Job
-from sim_ecu.jobs.process import Process
+from sim_ecu.jobs.pool import local, run
 from sim_ecu.loop.control.adhesion_consumer import Facts
 from sim_ecu.loop.control.slip_controller import make_controller
 from sim_ecu.loop.drive_scenario import load_drive_scenario
 from sim_ecu.loop.lockstep import Lockstep
 from sim_ecu.loop.ride_figures import judge
 from sim_ecu.play.scenario import path_of
+from sim_ecu.score.metrics.run_metrics import suite_figures
 from sim_ecu.score.report import judge as report
 from sim_ecu.score.score_play import play
 from sim_ecu.score.suites import runs
@@ -37,7 +37,7 @@ PLAY = {"scenario": "low", "seed": 7, "judged_from_s": 1.5, **SHORT}
 SCORE = {"suite": "drops", "group": "down", "run": 0, "lot": 0}
 EXAMPLES = {"drive": DRIVE, "play": PLAY, "score": SCORE}
 # what a row of results has beside a kind's figures
-TAKEN = {"key", "ending", "error", "attempts", "seconds", "seed"}
+TAKEN = {"key", "ending", "error", "seed"}
 
 
 def kind_of(name: str) -> Kind:
@@ -45,7 +45,7 @@ def kind_of(name: str) -> Kind:
 
 
 def figures(kind: str, inputs: Mapping[str, Any]) -> dict[str, Any]:
-    return dict(kind_of(kind).function(Job(kind, inputs)))
+    return dict(kind_of(kind).function(inputs))
 
 
 @pytest.fixture(scope="module")
@@ -56,20 +56,14 @@ def found() -> dict[str, dict[str, Any]]:
 
 @pytest.mark.parametrize("kind", EXAMPLES)
 def test_figures_are_those_that_are_declared(kind: str, found: dict[str, dict[str, Any]]) -> None:
-    assert repr(typed(found[kind], kind_of(kind).figures)) == repr(
-        {f.name: found[kind][f.name] for f in kind_of(kind).figures}
-    )
+    assert {name: type(value) for name, value in found[kind].items()} == kind_of(kind).figures
 
 
 def test_job_gives_the_same_in_another_process_and_again(found: dict[str, dict[str, Any]]) -> None:
-    child = Process()
-    try:
+    with local(1) as workers:
         for kind in ("drive", "play"):
-            job = Job(kind, EXAMPLES[kind])
-            there = [child.run(kind_of(kind).function, job) for _ in range(2)]
-            assert [repr(dict(t)) for t in there] == [repr(found[kind])] * 2
-    finally:
-        child.close()
+            there = [o.value for o in run(kind_of(kind).function, [EXAMPLES[kind]] * 2, workers)]
+            assert [repr(t) for t in there] == [repr(found[kind])] * 2
 
 
 def test_another_seed_gives_other_figures(found: dict[str, dict[str, Any]]) -> None:
@@ -93,7 +87,7 @@ def test_score_has_the_figures_of_the_score(found: dict[str, dict[str, Any]]) ->
     source = load_source(resources.DESIGN)
     first = next(iter(runs(source, "drops", 1.0)))
     traces = play(first, load_config(None), {})
-    assert repr(figures_of(traces)) == repr(found["score"])
+    assert repr(suite_figures(traces)) == repr(found["score"])
     said, ours = report(traces, source, "drops")["suites"]["drops"], found["score"]
     assert ours["max_over_pp"] == said["over"]["most"].value
     assert ours["far_s"] == said["far"]["most"].value
@@ -120,14 +114,22 @@ def test_every_lot_has_tracks_of_its_own() -> None:
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda k: k.name)
 def test_declaration_is_sound(kind: Kind) -> None:
-    factors, given = [f.name for f in kind.factors], [f.name for f in kind.figures]
-    assert len({*factors, *given}) == len(factors) + len(given)
-    assert not TAKEN & {*factors, *given}
-    assert kind.suite in {"", *factors}
-    for f in kind.factors:
-        assert f.needed or f.default is None or f.check(f.default) == f.default
-    assert {f.better for f in kind.figures} <= {"", "less", "more"}
-    assert all([*(f.words for f in kind.factors), *(f.words for f in kind.figures)])
+    factors = [f.name for f in kind.factors]
+    assert len({*factors, *kind.figures}) == len(factors) + len(kind.figures)
+    assert not TAKEN & {*factors, *kind.figures}
+    assert kind.suite in factors
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda k: k.name)
+def test_page_says_what_every_factor_and_figure_is(kind: Kind) -> None:
+    page = (ROOT / "docs/reference/campaign.md").read_text()
+    told = {
+        name for cell in re.findall(r"^\| (`[^|]*`) \|", page, re.MULTILINE) for name in re.findall("`(.+?)`", cell)
+    }
+    families = {name.partition("_")[0] for name in told if name.partition("_")[2].isupper()}
+    assert families == {"km", "hours", "cause"}
+    assert {f.name for f in kind.factors} <= told
+    assert {f for f in kind.figures if "_" not in f or f.partition("_")[0] not in families} <= told
 
 
 @pytest.mark.parametrize("kind", EXAMPLES)
@@ -137,7 +139,7 @@ def test_longer_run_costs_more(kind: str) -> None:
         "play": {"scenario.duration_s": 9.0},
         "score": {"suite": "dry-hours", "group": "dry, poor track"},
     }
-    cost = kind_of(kind).cost
+    cost = kind_of(kind).check
     assert 0.0 < cost(EXAMPLES[kind]) < cost({**EXAMPLES[kind], **longer[kind]})
 
 
@@ -154,7 +156,6 @@ WRONG = [
     ("play", {"scenario.durration_s": 3.0}, "scenario.durration_s: unknown key — did you mean 'duration_s'?"),
     ("play", {"scenario.rail.2.curve": "A"}, "scenario.rail.2.curve: takes a place of 1 … 1 there, not '2'"),
     ("play", {"scenario.title.x": 1}, "scenario.title.x: leads into a value, no table"),
-    ("play", {"scenario.seed": 1}, "scenario.seed: is the campaign's own — give first_seed"),
     ("play", {"fault": "crc", "fault_at_s": 1.0, "fault_amount": 2.0}, "fault_amount: a fault of kind crc takes none"),
     ("play", {"fault": "loss", "fault_at_s": 1.0, "fault_amount": 2.0}, "fault_amount: takes a number from 0 to 1"),
     ("play", {"fault": "bias", "fault_at_s": 1.0, "fault_axle": 3}, "fault_axle: axle 3 is not among the scenario's"),
@@ -194,9 +195,8 @@ def test_configuration_of_its_own_is_heard_and_what_it_names_are_its_files() -> 
     own = {**PLAY, "configuration": str(ROOT / "examples/own-dbc/train.toml")}
     kind_of("play").check(own)
     assert figures("play", own)["valid"] > 0.5
-    assert {name: path.name for name, path in kind_of("play").files(own).items()} == {
-        "configuration": "train.toml", "configuration's DBC": "train.dbc",
-    }  # fmt: skip
+    named = kind_of("play").named(own)
+    assert {name: path.name for name, path in named.items()} == {"configuration's DBC": "train.dbc"}
     with pytest.raises(InputError, match="maps no axle 2"):
         kind_of("play").check({**own, "scenario": "half-wet"})
 
@@ -207,11 +207,9 @@ def test_fault_acts_on_what_the_daemon_hears(found: dict[str, dict[str, Any]]) -
     assert silent["cause"] != ""
 
 
-def test_impulse_is_of_starts_where_more_is_better_and_no_stop_is_worse_for_less(
+def test_impulse_is_of_starts_and_no_stop_is_worse_for_less(
     found: dict[str, dict[str, Any]],
 ) -> None:
     start = figures("drive", DRIVE | {"scenario.driver.demand": 1.0, "scenario.speed_m_s": 8.0})
     assert math.isnan(found["drive"]["impulse_kNs"])
     assert start["impulse_kNs"] > 0.0
-    (impulse,) = (f for f in kind_of("drive").figures if f.name == "impulse_kNs")
-    assert impulse.better == "more"

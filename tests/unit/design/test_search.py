@@ -1,12 +1,15 @@
 """The search of a design: the method, what it makes small, what it may move, the files that it starts from."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from sim_ecu.cli.main import main
 from sim_ecu.design import search
 from sim_ecu.design.brief import read_brief, written
 from sim_ecu.design.cases import FloatArray
@@ -147,12 +150,11 @@ def test_brief_survives_the_way_to_a_vector_and_back_and_to_a_file(brief: Brief)
 
 def test_paper_form_keeps_equal_weights_and_one_window() -> None:
     papers = in_papers_form(Brief())
-    assert groups_of("paper") == ("noise", "points", "window", "rules")
+    assert groups_of("paper") == ("noise", "points")
     assert len(parameters(papers, ["noise"])) == 12
-    over = parameters(papers, ["noise", "window"])
+    over = parameters(papers, ["noise"])
     found = brief_at(papers, over, vector(papers, over) + 0.5)
     assert {p.yaw_rate_weight for p in found.points} == {1.0}
-    assert found.longest_s == found.window_s > papers.window_s
 
 
 @pytest.mark.parametrize("distance", [-9.0, -0.7, 0.7, 9.0])
@@ -161,20 +163,17 @@ def test_any_vector_gives_a_brief_that_a_file_may_hold(distance: float) -> None:
     rng = np.random.default_rng(4)
     found = brief_at(Brief(), over, vector(Brief(), over) + distance * rng.uniform(0.5, 1.0, len(over)))
     assert found != Brief()
-    assert found.recent_s <= found.window_s / 2
-    assert found.window_s <= found.longest_s
     assert read_brief(parse_toml(written(found), "brief.toml")) == found
 
 
 def test_only_the_groups_that_are_asked_for_move() -> None:
-    over = parameters(Brief(), ["window"])
+    over = parameters(Brief(), ["band"])
     found = brief_at(Brief(), over, vector(Brief(), over) + 0.3)
-    assert found.points == Brief().points
-    assert (found.window_s, found.band_hz) == (1.23, 14.0)
+    assert found == replace(Brief(), band_hz=17.2)
 
 
 def test_group_that_is_not_there_is_an_error_that_names_those_that_are() -> None:
-    with pytest.raises(InputError, match="noise, weights, points, band, window, rules"):
+    with pytest.raises(InputError, match=r"--search: .*noise, weights, points, band"):
         parameters(Brief(), ["noises"])
 
 
@@ -184,3 +183,38 @@ def test_design_points_of_a_file_are_named_after_where_they_are() -> None:
     assert (a.name, a.curve.name) == ("curve B at its peak", "B")
     assert (b.name, b.creep_of_peak) == ("curve C at 0.5 of its peak's creep", 0.5)
     assert (c, d) == Brief().points[2:]
+
+
+SMALL = """
+vehicle = "lone-wheelset"
+[design]
+form = "paper"
+grid = 6
+[plan]
+seed = 3
+speeds = 2
+per_speed = 2
+"""
+
+
+@pytest.mark.usefixtures("jobs_here")
+def test_search_writes_a_brief_that_is_no_worse_than_its_start_and_the_same_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name, value in (("HELD_TRACKS", 1), ("HELD_SPEEDS", (15.0,)), ("HELD_OFF_PEAK", (0.05,))):
+        monkeypatch.setattr(search, name, value)
+    (tmp_path / "rig.toml").write_text(SMALL)
+    start = read_brief(parse_toml(SMALL, "rig.toml"))
+    found = []
+    for name in ("a.toml", "b.toml"):
+        command = ["design", "--config", str(tmp_path / "rig.toml"), "--search", "noise, points", "--budget", "3"]
+        assert main([*command, "-o", str(tmp_path / name)]) == 0
+        found.append((tmp_path / name).read_text())
+    assert found[0] == found[1]
+    best = read_brief(parse_toml(found[0], "a.toml"))
+    least, first = (float(x) for x in re.findall(r"(\d\.\d{4})", capsys.readouterr().out.splitlines()[0])[-2:])
+    aim = objective(start, start.plan.seed)
+    assert error_of(aim, best) == pytest.approx(least, abs=1e-4)
+    assert error_of(aim, start) == pytest.approx(first, abs=1e-4)
+    assert least <= first
+    assert replace(best, points=start.points) == start

@@ -14,7 +14,8 @@ from sim_ecu.design.features import quietly
 from sim_ecu.design.pairs import EACH, FIRST_SPAN, SOUND_EACH, Watched
 from sim_ecu.design.recordings import Recording, record
 from sim_ecu.design.training_jobs import PART, GroupJob, pairs, recorded, remove_parts
-from sim_ecu.jobs.pool import Stopped, local
+from sim_ecu.jobs import digests
+from sim_ecu.jobs.pool import Stopped, Workers
 from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.vehicles import load_vehicle
 from tests.support.lone_wheelset import LONE
@@ -49,8 +50,7 @@ def watched(monkeypatch: pytest.MonkeyPatch, before: Callable[[int], None]) -> l
 
 
 def of(folder: Path, plan: Plan = PLAN) -> list[Recording]:
-    with local(1) as workers:
-        return recorded(Wheelset(), plan, TICK_S, folder, workers, quietly)
+    return recorded(Wheelset(), plan, TICK_S, folder, Workers(None), quietly)
 
 
 def content(recordings: list[Recording]) -> list[tuple[object, ...]]:
@@ -113,7 +113,7 @@ def test_key_is_of_all_inputs_and_of_the_sources(monkeypatch: pytest.MonkeyPatch
     ]  # fmt: skip
     keys = {j.key for j in (job, *others)}
     assert replace(job).key in keys
-    monkeypatch.setattr(training_jobs, "code", lambda _module: "of other sources")
+    monkeypatch.setattr(digests, "code", lambda: "of other sources")
     assert len(keys | {job.key}) == len(others) + 2
 
 
@@ -189,9 +189,8 @@ def test_pairs_are_kept_and_are_of_both_wheelsets_of_a_bogie(tmp_path: Path, veh
     """A lone wheelset's group runs once more, half of it in canted curves."""
     w, design = load_vehicle(vehicle), load_design(DESIGNS / f"{vehicle}.design.json")
     plan = replace(PLAN, seconds=3.0, speeds=1, per_speed=2)
-    with local(1) as workers:
-        first = pairs(w, plan, design, tmp_path, workers, quietly)
-        again = pairs(w, plan, design, tmp_path, workers, quietly)
+    first = pairs(w, plan, design, tmp_path, Workers(None), quietly)
+    again = pairs(w, plan, design, tmp_path, Workers(None), quietly)
     assert len(first) == len(draw(plan, w))
     for a, b, group in zip(first, again, draw(plan, w), strict=True):
         for f in fields(Watched):

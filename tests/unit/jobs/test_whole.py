@@ -51,6 +51,19 @@ def test_suites_of_a_score_that_are_whole_are_printed_and_the_others_named(
     assert page.read_text().count("dead left out, because runs failed.") == 1
 
 
+@pytest.mark.night
+def test_figures_of_a_suite_are_the_same_for_any_number_of_processes(tmp_path: Path) -> None:
+    found = []
+    for jobs in ("1", "2"):
+        out = tmp_path / f"{jobs}.json"
+        assert main(["score", "--quick", "--suite", "paper", "--jobs", jobs, "--json", str(out)]) == Status.DONE
+        document = json.loads(out.read_text())
+        assert document.pop("run")["jobs"] == int(jobs)
+        found.append(document)
+    assert found[0]["suites"].keys() == {"paper"}
+    assert found[0] == found[1]
+
+
 def test_grid_with_a_hole_takes_the_suites_along_that_are_compared_with_it() -> None:
     missing = [Missing(Piece("grid", "mems, run 3", 1.0), "it failed")]
     assert run_score._holed(missing, None) == ("grid", "robust", "rough", "harsh")
