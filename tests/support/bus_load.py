@@ -44,5 +44,5 @@ def table(production: Database, rig: Database, max_axles: int) -> list[str]:
 
 
 def _cell(messages: list[Message], rate: int) -> str:
-    low, high = (100 * bits_per_s(messages, stuffed) / rate for stuffed in (False, True))
-    return f"{low:.0f} … {high:.0f} %" if high <= MAX_LOAD_PCT else f"({low:.0f} … {high:.0f} %)"
+    load = 100 * bits_per_s(messages, stuffed=True) / rate
+    return f"{load:.0f}" if load <= MAX_LOAD_PCT else f"({load:.0f})"
