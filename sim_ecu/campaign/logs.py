@@ -79,10 +79,8 @@ def _campaign(logs: Logs) -> Campaign:
         folders = file.parents[: len(file.relative_to(root).parts) * (file == root / name)]  # up to the root
         own = next((p / CONFIGURATION for p in folders if (p / CONFIGURATION).is_file()), logs.configuration)
         configuration = "" if own is None else os.path.relpath(own, root)
-        train = _train(name, root, logs.train)
-        inputs: dict[str, Scalar] = {
-            "train": train, "log": name, "configuration": configuration, "channel": logs.channel
-        }  # fmt: skip
+        inputs: dict[str, Scalar] = {"train": _train(name, root, logs.train), "log": name}
+        inputs |= {"configuration": configuration, "channel": logs.channel}
         try:
             jobs += jobs_of(LOG, inputs, root)
         except InputError as e:

@@ -2,6 +2,7 @@
 
 import fcntl
 import json
+import time
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
@@ -20,10 +21,11 @@ from sim_ecu.reporting.result_files import save
 from wrcd.errors import InputError
 
 FORMAT = "wrcd-campaign/3"
-CAMPAIGN, ROWS, LOCK, FORMER = "campaign.json", "rows", "lock", "rows.sqlite"
-# Rows are written when they are so many of those that are there: a kill costs a fiftieth of the work, and a million
-# rows lie in some 500 parts.
-PART = 0.02
+CAMPAIGN, ROWS, LOCK = "campaign.json", "rows", "lock"
+FORMER = ("rows.sqlite", "journal.jsonl", "results.parquet")
+# Rows are written when they are so many of those that are there, or after so long: a kill costs a fiftieth of the work,
+# or ten minutes of it, and a million rows lie in some 500 parts.
+PART, PART_S = 0.02, 600.0
 ARROW: dict[Type, Any] = {float: pa.float64(), int: pa.int64(), str: pa.string(), bool: pa.bool_()}
 ANOTHER = "name another folder"
 
@@ -37,26 +39,26 @@ class RowFolder:
         columns = {"key": str, **campaign.columns, **ends, **campaign.kind.figures}
         self._schema = pa.schema([(name, ARROW[of]) for name, of in columns.items()])
         self._held: list[Mapping[str, Any]] = []
+        self._written_s = time.monotonic()
         tables = [_read(file, ["key", "ending"]) for file in self._parts()]
         self.endings = {row["key"]: row["ending"] for table in tables for row in table.to_pylist()}
 
     def _parts(self) -> list[Path]:
-        return sorted(self._folder.glob("part-*.parquet"))
+        return sorted(self._folder.glob("part-[0-9]*.parquet"))
 
     def add(self, row: Mapping[str, Any]) -> None:
         """Take a row. Raises Stopped for a full disk."""
         self._held.append(row)
         self.endings[row["key"]] = row["ending"]
-        if len(self._held) >= PART * len(self.endings):
+        if len(self._held) >= PART * len(self.endings) or time.monotonic() - self._written_s > PART_S:
             self.write()
 
     def write(self) -> None:
         """Put the rows that are held into a part of their own."""
-        if self._held:
+        held, self._held, self._written_s = self._held, [], time.monotonic()  # Ctrl-C writes nothing twice
+        if held:
             newest = max((int(file.stem.partition("-")[2]) for file in self._parts()), default=0)
-            table = pa.Table.from_pylist(self._held, self._schema)
-            self._save(self._folder / f"part-{newest + 1:06}.parquet", table)
-            self._held = []
+            self._save(self._folder / f"part-{newest + 1:06}.parquet", pa.Table.from_pylist(held, self._schema))
 
     def drop(self, keys: Collection[str]) -> None:
         """Leave out rows that are to be made again, or are not asked for any more."""
@@ -71,7 +73,8 @@ class RowFolder:
 
     def table(self) -> pd.DataFrame:
         """Return the rows in the campaign's order."""
-        found = pa.concat_tables([self._schema.empty_table(), *map(_read, self._parts())]).to_pandas()
+        parts = [_read(file, self._schema.names) for file in self._parts()]
+        found = pa.concat_tables([self._schema.empty_table(), *parts]).to_pandas()
         return found.sort_values("key", key=lambda keys: keys.map(self._asked), ignore_index=True)
 
     def _save(self, file: Path, table: pa.Table) -> None:
@@ -85,8 +88,8 @@ class RowFolder:
 def opened(folder: Path, campaign: Campaign) -> Iterator[RowFolder]:
     """Make or open a folder, which nobody else has meanwhile. Raises InputError for one that cannot be used, or that
     holds another campaign: of another kind or code, with other columns, or with rows that this one does not ask for."""
-    if (folder / FORMER).exists():
-        raise InputError(f"holds rows of an earlier version, in {FORMER}, which is not read", file=folder, hint=ANOTHER)
+    if former := next((name for name in FORMER if (folder / name).exists()), None):
+        raise InputError(f"holds rows of an earlier version, in {former}, which is not read", file=folder, hint=ANOTHER)
     if not (folder / CAMPAIGN).exists() and {p.name for p in folder.glob("[!.]*")} - {ROWS, LOCK}:
         raise InputError("is no campaign's folder, and not empty", file=folder, hint=ANOTHER)
     try:

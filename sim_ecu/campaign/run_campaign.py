@@ -4,14 +4,14 @@ import re
 import signal
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import closing
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, closing
 from pathlib import Path
 
 import pandas as pd
 
 from sim_ecu.campaign.definition import Campaign, as_words, load_campaign
-from sim_ecu.campaign.kind import answer
+from sim_ecu.campaign.kind import Job, answer
 from sim_ecu.campaign.row_folder import ROWS, RowFolder, opened
 from sim_ecu.jobs import pool
 from sim_ecu.jobs.pool import Ending, Workers
@@ -49,13 +49,14 @@ def go(campaign: Campaign, folder: Path, jobs: int, scheduler: str | None, again
     campaign's order; None after Ctrl-C. Raises Stopped where it cannot go on."""
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C
     try:
-        with (
-            opened(folder, campaign) as rows,
-            pool.local(jobs) if scheduler is None else pool.cluster(scheduler) as crew,
-        ):
+        with ExitStack() as stack:
+            stack.enter_context(pool.kept())
+            crew = None if scheduler is None else stack.enter_context(pool.cluster(scheduler))
+            rows = stack.enter_context(opened(folder, campaign))
             if again:
                 rows.drop({key for key, ending in rows.endings.items() if ending != Ending.DONE})
-            _work(campaign, rows, crew)
+            if left := [job for job in campaign.jobs if job.key not in rows.endings]:
+                _work(campaign, left, rows, crew or stack.enter_context(pool.local(min(jobs, len(left)))))
             rows.write()
             return rows.table()
     except KeyboardInterrupt:
@@ -65,12 +66,13 @@ def go(campaign: Campaign, folder: Path, jobs: int, scheduler: str | None, again
         signal.signal(signal.SIGTERM, before)
 
 
-def _work(campaign: Campaign, rows: RowFolder, crew: Workers) -> None:
-    left = [job for job in campaign.jobs if job.key not in rows.endings]
+def _work(campaign: Campaign, left: Sequence[Job], rows: RowFolder, crew: Workers) -> None:
     every, whole, began = len(campaign.jobs), sum(job.cost for job in campaign.jobs) or 1.0, time.monotonic()
     cost = before = whole - sum(job.cost for job in left)
     failed, line, progress = 0, 0.0, Progress(steps=True)
-    with closing(pool.run(answer, left, crew, campaign.limit_s)) as ends:
+    with ExitStack() as stack:
+        stack.callback(progress.end)
+        ends = stack.enter_context(closing(pool.run(answer, left, crew, campaign.limit_s)))
         for number, o in enumerate(ends, 1):
             job, error = left[o.place], MEMORY_ADDRESS.sub("0x…", o.error.replace(f"{campaign.folder}/", ""))
             rows.add({"key": job.key, **job.inputs, "ending": o.ending.value, "error": error, **(o.value or {})})
@@ -80,7 +82,6 @@ def _work(campaign: Campaign, rows: RowFolder, crew: Workers) -> None:
                 rate = number / max(time.monotonic() - began, 1e-3)
                 done = f"{every - len(left) + number} of {every} jobs{f', {failed} failed' * bool(failed)}"
                 progress.at(f"{done}, {rate:.3g} jobs/s", cost / whole, before / whole)
-    progress.end()
 
 
 def _summary(campaign: Campaign, rows: pd.DataFrame) -> Iterator[str]:

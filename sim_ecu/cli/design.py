@@ -69,9 +69,11 @@ def _search(args: argparse.Namespace) -> int:
     parameters(brief, groups)  # raises InputError before the minutes that it would cost
     check_output("-o", args.output)
     progress = Progress(steps=True)
-    with local(args.jobs) as workers:
-        best, least, first = search(brief, groups, args.budget, workers, progress.at)
-    progress.end()
+    try:
+        with local(args.jobs) as workers:
+            best, least, first = search(brief, groups, args.budget, workers, progress.at)
+    finally:
+        progress.end()
     errors = f"{objective_words(brief.form)} {least:.4f}; of the start {first:.4f}"
     how = f"Found by `sim-ecu design --search {args.search}` with {args.budget} candidates."
     text = written(best, [how, errors, "Makes a design: `sim-ecu design --config`."])
@@ -87,7 +89,7 @@ def _make(args: argparse.Namespace) -> int:
     from sim_ecu.design.make import bank, fitted, judging, with_placeholder_rules, write
     from sim_ecu.design.pairs import plan_of, require_learning
     from sim_ecu.design.training_jobs import pairs, recorded, remove_parts
-    from sim_ecu.jobs.pool import local
+    from sim_ecu.jobs.pool import kept, local
     from sim_ecu.play.vehicles import vehicle_path
     from sim_ecu.reporting.result_files import check_output, save
     from wrcd.config.settings import read_toml
@@ -104,16 +106,18 @@ def _make(args: argparse.Namespace) -> int:
     with_placeholder_rules(started)  # what is no filter is refused before the minutes that it would cost
     progress.at("gains", 1.0)
     progress.end()
-    with local(args.jobs) as workers:
-        recordings = recorded(brief.wheelset, brief.plan, brief.tick_s, parts, workers, progress.at)
-        document = fitted(brief, started, recordings, progress.at, workers)
-        if brief.form == "wrcd":
-            design = parse_design(document, args.output)
-            watched = pairs(brief.wheelset, plan_of(brief.plan), design, parts, workers, progress.at)
-            document = judging(document, watched, progress.at)
-        save(args.output, lambda partly: write(document, partly))
+    try:
+        with kept(), local(args.jobs) as workers:
+            recordings = recorded(brief.wheelset, brief.plan, brief.tick_s, parts, workers, progress.at)
+            document = fitted(brief, started, recordings, progress.at, workers)
+            if brief.form == "wrcd":
+                design = parse_design(document, args.output)
+                watched = pairs(brief.wheelset, plan_of(brief.plan), design, parts, workers, progress.at)
+                document = judging(document, watched, progress.at)
+            save(args.output, lambda partly: write(document, partly))
+    finally:
+        progress.end()
     remove_parts(parts)
-    progress.end()
     fit = document["fit"]
     print(
         f"{args.output}: {document['name']}, {len(document['fuzzy']['rules'])} rules, "

@@ -13,7 +13,7 @@ from wrcd.errors import InputError
 
 ROOT = Path(__file__).parents[2]
 READ = {".py", ".c", ".h", ".json", ".toml", ".dbc"}  # what a run is made of, named in it or not
-LIBRARIES = ("numpy", "scipy", "cantools", "numba")  # another version of one may give another last digit
+LIBRARIES = ("numpy", "scipy", "cantools", "python-can", "numba")  # another version of one may give another last digit
 KEY_LENGTH = 32
 
 

@@ -3,10 +3,9 @@
 Dask's `retries` are for a task that raises. A worker that ends is blamed on all that was assigned to it; how often that
 is allowed says the scheduler's `allowed-failures`. No task has a limit of time. So each job is given to one worker by
 its address, alone, and is given out once more from here; at its limit the kernel ends the worker, which its nanny
-starts anew.
+starts anew. One whose job has not even begun by then is ended by the nanny.
 """
 
-import itertools
 import logging
 import pickle
 import signal
@@ -36,7 +35,8 @@ LOST = "the workers are lost: no scheduler answers any more"
 CONNECT_S = 5.0
 LOOK_S = 0.5  # how often it is looked which workers are there
 BEGIN_S = 120.0  # without any worker of this computer: none will come
-FETCH_S = 60.0  # of a value: its worker may have ended since it was there
+FETCH_S = 10.0  # of a value: its worker may have ended since it was there
+LATE_S = 60.0  # beyond a job's limit: it loads the rig first
 DASK = {
     "distributed.scheduler.allowed-failures": 0,  # said at once
     "distributed.worker.preload": [__name__],
@@ -60,6 +60,15 @@ class Stopped(InputError):
     status = Status.STOPPED
 
 
+@contextmanager
+def kept() -> Iterator[None]:
+    """Around what keeps what is finished: who is stopped is told that the same command goes on."""
+    try:
+        yield
+    except Stopped as e:
+        raise e if e.hint else Stopped(e.reason, file=e.file, hint=RESUMES) from None
+
+
 @dataclass(frozen=True, slots=True)
 class JobOutcome(Generic[R]):
     """How the job at a place in the sequence ended. value: None unless it is done; error: why not."""
@@ -77,15 +86,21 @@ class Workers:
         self.client, self.address = client, address
 
     def there(self) -> set[str]:
-        """Return their addresses. Raises Stopped where nobody can work."""
+        """Return the addresses of those with one thread. Raises Stopped where nobody can work."""
         with suppress(OSError):
             if self.client.status == "running":
                 threads = self.client.nthreads()
-                if max(threads.values(), default=1) == 1:
-                    return set(threads)
+                if (found := {address for address, count in threads.items() if count == 1}) or not threads:
+                    return found
                 hint = "`dask worker --nthreads 1`: one job's limit would end the other"
-                raise InputError("a worker has several threads", key="--scheduler", hint=hint)
-        raise Stopped(LOST, hint=RESUMES)
+                raise InputError("every worker has several threads", key="--scheduler", hint=hint)
+        raise Stopped(LOST)
+
+    def end(self, address: str) -> None:
+        """End one, whatever it is at; its nanny starts it anew. A scheduler that is gone is told by who asks next."""
+        how = {"timeout": FETCH_S, "wait_for_workers": False, "on_error": "return", "stimulus_id": "too long"}
+        with suppress(OSError):
+            self.client.sync(self.client.scheduler.restart_workers, workers=[address], **how)
 
 
 @contextmanager
@@ -112,7 +127,8 @@ def dask_setup(_worker: Any) -> None:
 @contextmanager
 def cluster(address: str) -> Iterator[Workers]:
     """Yield the workers at a scheduler. Raises InputError for an address without one."""
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # who runs reports what is lost
+    for name in ("distributed", "distributed.client"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)  # who runs reports what is lost
     with dask.config.set(DASK):
         try:
             client = distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
@@ -134,36 +150,40 @@ def run(
     function is found by its module and name. What fails, dies or hangs is tried once more; then it is an outcome, no
     error. Raises Stopped where nobody works any more, or with other code.
     """
-    left: Iterator[tuple[int, int]] = zip(range(len(jobs)), itertools.repeat(1))
-    again: list[tuple[int, int]] = []
+    left = [(place, 1) for place in reversed(range(len(jobs)))]  # with the attempt
     at_work: dict[str, tuple[Any, int, int, float]] = {}  # future, place, attempt, begin: by worker
     ended: SimpleQueue[Any] = SimpleQueue()
-    missing, absent = len(jobs), 0
+    missing, seen_s, tell = len(jobs), time.monotonic(), bool(workers.address)
     try:
         while missing:
             there = workers.there()
             for address in sorted(there - at_work.keys()):
-                if (one := again.pop() if again else next(left, None)) is not None:
-                    request = pickle.dumps((function, jobs[one[0]]), pickle.HIGHEST_PROTOCOL)
+                if left:
+                    place, attempt = left.pop()
+                    request = pickle.dumps((function, jobs[place]), pickle.HIGHEST_PROTOCOL)
                     future = workers.client.submit(limited, request, limit_s, code(), workers=[address], pure=False)
-                    at_work[address] = future, *one, time.monotonic()
+                    at_work[address] = future, place, attempt, time.monotonic()
                     future.add_done_callback(ended.put)
-            absent = 0 if there else absent + 1
-            if absent == 1 and workers.address:
+            seen_s = time.monotonic() if there else seen_s
+            if not there and tell:
                 print(f"waiting for workers at {workers.address}", file=sys.stderr, flush=True)
-            elif absent * LOOK_S > BEGIN_S and not workers.address:
-                raise Stopped("no worker begins on this computer", hint=RESUMES)
+                tell = False
+            elif time.monotonic() - seen_s > BEGIN_S and not workers.address:
+                raise Stopped("no worker begins on this computer")
             with suppress(Empty):
                 ended.get(timeout=LOOK_S)
             for address, (future, place, attempt, since_s) in list(at_work.items()):
-                if future.done() or address not in there:
+                took_s = time.monotonic() - since_s
+                if late := not future.done() and took_s > limit_s + LATE_S:
+                    workers.end(address)
+                if late or future.done() or address not in there:
                     del at_work[address]
-                    outcome = _outcome(future, place, limit_s, time.monotonic() - since_s)
+                    outcome = _outcome(future, place, limit_s, took_s)
                     if outcome.ending is Ending.DONE or attempt == TRIES:
                         missing -= 1
                         yield outcome
                     else:
-                        again.append((place, attempt + 1))
+                        left.append((place, attempt + 1))
     finally:
         if workers.client.status == "running":
             workers.client.cancel([future for future, *_ in at_work.values()])
@@ -180,14 +200,14 @@ def _outcome(future: Any, place: int, limit_s: float, took_s: float) -> JobOutco
                 return JobOutcome(place, *ended)
         elif future.status == "error":
             error = future.exception(timeout=FETCH_S)
-        elif future.status == "pending":
+        elif future.status in ("pending", "lost"):  # lost: with its worker, since it was there
             future.cancel()
         else:
-            raise Stopped(LOST, hint=RESUMES)
+            raise Stopped(LOST)
     finally:
         future.release()  # what is lost with a worker would be worked out again for who holds on to it
     if error is not None and not isinstance(error, KilledWorker):
-        raise error if isinstance(error, Stopped) else Stopped(f"a worker cannot run jobs: {error!r}", hint=RESUMES)
+        raise error if isinstance(error, Stopped) else Stopped(f"scheduler or worker cannot run jobs: {error!r}")
     died = (Ending.DIED, None, "its process ended or was killed")
     return JobOutcome(place, *(died if took_s < limit_s else (Ending.TOO_LONG, None, f"not done within {limit_s:g} s")))
 
@@ -198,10 +218,13 @@ def limited(request: bytes, limit_s: float, asked: str) -> tuple[bytes, str]:
         reason = "a worker has other sources of wrcd, or other libraries, than are here"
         raise Stopped(reason, hint="have the same versions everywhere, and start the workers anew")
     function, job = pickle.loads(request)  # not by Dask: its scheduler would load the rig, too
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGALRM})  # who started the worker may have blocked it
     signal.setitimer(signal.ITIMER_REAL, limit_s)  # SIGALRM ends the process, whatever it is at
     try:
         return pickle.dumps(function(job), pickle.HIGHEST_PROTOCOL), ""
-    except Exception as e:  # one that is written for a person stands for itself
+    except (SystemExit, KeyboardInterrupt):
+        raise
+    except BaseException as e:  # one that is written for a person stands for itself
         return b"", str(e) if isinstance(e, InputError) else f"{type(e).__name__}: {e}"
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)

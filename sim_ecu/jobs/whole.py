@@ -2,10 +2,9 @@
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing
-from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import NamedTuple, TypeVar
 
-from sim_ecu.jobs.pool import RESUMES, Ending, Stopped, Workers, local, run
+from sim_ecu.jobs.pool import Ending, Stopped, Workers, local, run
 from wrcd.progress import Progress
 
 T = TypeVar("T")
@@ -13,8 +12,7 @@ R = TypeVar("R")
 MOST_NAMED = 20  # missing runs by name
 
 
-@dataclass(frozen=True, slots=True)
-class Piece:
+class Piece(NamedTuple):
     """What a person calls a run, and what it costs, about, in any unit."""
 
     suite: str
@@ -22,38 +20,34 @@ class Piece:
     cost: float
 
 
-@dataclass(frozen=True, slots=True)
-class Missing:
+class Missing(NamedTuple):
     """A run that gave nothing, and why."""
 
     piece: Piece
     why: str
 
 
-@dataclass(frozen=True, slots=True)
-class WholeRun(Generic[R]):
-    """What the runs gave, in their order; None where one gave nothing, which is then missing."""
-
-    results: Sequence[R | None]
-    missing: Sequence[Missing]
-
-
-def every(function: Callable[[T], R], jobs: Sequence[T], pieces: Sequence[Piece], workers: int) -> WholeRun[R]:
-    """Return function(job) of all, one at least, with progress by the pieces' cost. function keeps what jobs share."""
+def every(
+    function: Callable[[T], R], jobs: Sequence[T], pieces: Sequence[Piece], workers: int
+) -> tuple[list[R], list[Missing]]:
+    """Return function(job) of all, one at least, in their order, and the runs that gave nothing; with progress by the
+    pieces' cost. function keeps what jobs share."""
     progress, whole, done = Progress(steps=True), sum(p.cost for p in pieces), 0.0
-    results: list[R | None] = [None] * len(jobs)
+    results: dict[int, R] = {}
     missing: dict[int, Missing] = {}
     try:
         with local(min(workers, len(jobs))) as crew, closing(run(function, jobs, crew)) as ends:
             for number, o in enumerate(ends, 1):
-                piece, results[o.place] = pieces[o.place], o.value
-                if o.ending is not Ending.DONE:
+                piece = pieces[o.place]
+                if o.ending is Ending.DONE:
+                    results[o.place] = o.value  # type: ignore[assignment]  # it is done: a value
+                else:
                     missing[o.place] = Missing(piece, o.error)
                 done += piece.cost
                 progress.at(f"{piece.suite}: run {number} of {len(jobs)}", done / whole)
     finally:
         progress.end()
-    return WholeRun(results, [missing[place] for place in sorted(missing)])
+    return [results[k] for k in sorted(results)], [missing[k] for k in sorted(missing)]
 
 
 def each(
@@ -68,7 +62,7 @@ def each(
             else:
                 failed.append(f"  {names[o.place]}: {o.error}")
     if failed:
-        raise Stopped("\n".join([f"{len(failed)} of {len(jobs)} jobs failed twice:", *failed]), hint=RESUMES)
+        raise Stopped("\n".join([f"{len(failed)} of {len(jobs)} jobs failed twice:", *failed]))
 
 
 def left_out(missing: Sequence[Missing], suites: Iterable[str]) -> dict[str, list[str]]:

@@ -125,14 +125,22 @@ def creep_force(
 ) -> tuple[float, float]:  # fmt: skip
     """(Fx, Fy) over mu N (no unit) of a single contact without spin, to be laid beside another program's.
 
-    A case is a row of tests/data/contact_no_spin.csv, whose columns have these names; a is the semi-axis in the rolling
-    direction. Friction is constant. The force has the signs of the creepages; CONTACT's has the opposite ones. poisson
-    has no part in it: c11 is Kalker's for 0.25. k_A and k_S: as of CreepCurve. Raises ValueError for a ratio that is
-    not the axes' or is beyond Kalker's table, and for a size that is not above 0.
+    Polach's law (Wear 258, 2005) with Kalker's c11 (table E3), which is for a Poisson's ratio of 0.25: poisson has no
+    part in it. a is the semi-axis in the rolling direction; creep_x and creep_y are creepages (no unit), friction is
+    constant, k_A and k_S are as of CreepCurve. The force has the signs of the creepages; CONTACT's has the opposite
+    ones. Raises ValueError, which names the argument, for a size that is not above 0, what is not finite, and a ratio
+    that is not the axes' or is beyond Kalker's table.
     """
-    sizes = (semi_axis_a_mm, semi_axis_b_mm, normal_load_N, shear_modulus_MPa, friction, k_A, k_S)
-    if not all(0.0 < size < math.inf for size in sizes):
-        raise ValueError(f"axes, load, shear modulus, friction, k_A and k_S are above 0, not {sizes}")
+    sizes = {
+        "semi_axis_a_mm": semi_axis_a_mm, "semi_axis_b_mm": semi_axis_b_mm, "normal_load_N": normal_load_N,
+        "shear_modulus_MPa": shear_modulus_MPa, "friction": friction, "k_A": k_A, "k_S": k_S,
+    }  # fmt: skip
+    for name, size in sizes.items():
+        if not 0.0 < size < math.inf:
+            raise ValueError(f"{name} is {size:g}, not above 0 and finite")
+    for name, creep in (("creep_x", creep_x), ("creep_y", creep_y)):
+        if not math.isfinite(creep):
+            raise ValueError(f"{name} is {creep:g}, not finite")
     if not KALKER_A_OVER_B[0] <= a_over_b <= KALKER_A_OVER_B[-1]:
         raise ValueError(f"a_over_b is {a_over_b:g}, beyond Kalker's table")
     if abs(a_over_b / (semi_axis_a_mm / semi_axis_b_mm) - 1.0) > RATIO_TOLERANCE:

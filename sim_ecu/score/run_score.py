@@ -104,8 +104,8 @@ def _named(text: str) -> tuple[str, Path]:
 def _play_all(runs: Sequence[Run], jobs: int, request: ScoreRequest) -> tuple[list[Trace], Sequence[Missing]]:
     """In processes of their own; the order of the traces does not depend on them. And the runs that failed."""
     pieces = [Piece(r.suite, f"{r.group}, run {r.number}", r.scenario.duration_s * len(r.scenario.axles)) for r in runs]
-    whole = every(partial(play_one, request), runs, pieces, jobs)
-    return [t for part in whole.results if part is not None for t in part], whole.missing
+    found, missing = every(partial(play_one, request), runs, pieces, jobs)
+    return [t for part in found for t in part], missing
 
 
 @lru_cache(1)

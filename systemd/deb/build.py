@@ -36,6 +36,8 @@ PLACES = {
     "wrcd@.service.d/device.conf": EXAMPLES,
 }
 SCRIPTS = ("preinst", "postinst", "prerm", "postrm")
+# What somebody on the train looks up, where there is no network.
+REFERENCE = ("configuration.md", "messages.md", "validity.md", "exit-codes.md")
 MAINTAINER = "the wrcd maintainers <wrcd@users.noreply.github.com>"
 ENTRY = """#!{home}/bin/python
 import sys
@@ -132,6 +134,7 @@ def _program(tree: Path, site: Path, python: str) -> None:
     (home / "bin/python").symlink_to(f"python{python}")
     # no sim-ecu: the packages that it needs are no part of this one
     (home / "bin/wrcd").write_text(ENTRY.format(home=HOME, module="wrcd.cli.main"))
+    shutil.copy(ROOT / "systemd/deb/upgraded.py", home / "lib")
     (home / "pyvenv.cfg").write_text("home = /usr/bin\ninclude-system-site-packages = false\n")
 
 
@@ -153,6 +156,8 @@ def _documents(tree: Path) -> None:
     entry = f"wrcd ({__version__}) unstable; urgency=medium\n\n  * As CHANGELOG.md says.\n\n -- {MAINTAINER}  {date}\n"
     (folder / "changelog.gz").write_bytes(gzip.compress(entry.encode(), 9, mtime=0))
     (folder / "NEWS.gz").write_bytes(gzip.compress((ROOT / "CHANGELOG.md").read_bytes(), 9, mtime=0))
+    for name in REFERENCE:
+        shutil.copy(ROOT / "docs/reference" / name, folder)
     overrides = tree / "usr/share/lintian/overrides"
     overrides.mkdir(parents=True)
     shutil.copy(ROOT / "systemd/deb/lintian-overrides", overrides / "wrcd")
@@ -166,8 +171,11 @@ def _manual_and_completion(tree: Path) -> None:
         if action.type is Path:
             action.complete = shtab.FILE
     day = datetime.fromtimestamp(int(os.environ["SOURCE_DATE_EPOCH"]), UTC).date()
-    page = f"====\nwrcd\n====\n\n{'-' * 99}\n{SUMMARY}\n{'-' * 99}\n\n:Manual section: 1\n:Date: {day}\n\n"
-    os.environ["COLUMNS"] = "79"  # argparse's width
+    rule = "-" * len(SUMMARY)
+    page = f"====\nwrcd\n====\n\n{rule}\n{SUMMARY}\n{rule}\n\n"
+    page += f":Manual section: 1\n:Date: {day}\n:Version: wrcd {__version__}\n\n"
+    os.environ.update(COLUMNS="79", NO_COLOR="1")  # argparse's width and, from Python 3.14 on, colours
+    os.environ.pop("FORCE_COLOR", None)
     for p in (parser, *commands.values()):
         page += f"{p.prog}\n{'=' * len(p.prog)}\n\n::\n\n{textwrap.indent(p.format_help(), '  ')}\n"
     alone = {"_disable_config": True}  # whatever docutils.conf the builder has

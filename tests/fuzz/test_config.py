@@ -25,52 +25,8 @@ from wrcd.dbc.lint.lint_file import as_records, findings, lines
 from wrcd.errors import InputError
 from wrcd.estimator.design import load_design
 
-TRAIN_DBC = """VERSION ""
-NS_ :
-BS_:
-BU_: BCU WRCD
-BO_ 2364540158 Bogie1: 8 BCU
- SG_ Gyro : 0|16@1- (0.01,0) [-200|200] "deg/s" WRCD
- SG_ Side : 16|16@1- (0.001,0) [-20|20] "g" WRCD
- SG_ Tractive : 32|16@1- (0.1,0) [-100|100] "kNm" WRCD
- SG_ Brake : 48|16@1- (0.1,0) [-100|100] "kNm" WRCD
-BO_ 800 Drive: 8 BCU
- SG_ Crc : 0|8@1+ (1,0) [0|255] "" WRCD
- SG_ Counter : 8|4@1+ (1,0) [0|14] "" WRCD
- SG_ Status : 12|4@1+ (1,0) [0|15] "" WRCD
- SG_ V : 23|16@0+ (0.01,0) [0|300] "km/h" WRCD
- SG_ Dir : 32|2@1+ (1,0) [0|3] "" WRCD
- SG_ Load : 40|16@1+ (0.1,0) [0|0] "kN" WRCD
-BO_ 801 Wheel: 8 BCU
- SG_ Radius : 0|32@1- (1,0) [0.3|0.7] "m" WRCD
-BO_ 145 Adhesion_A1: 8 WRCD
- SG_ Validity : 12|4@1+ (1,0) [0|15] "" BCU
- SG_ MuAvailable : 16|16@1+ (0.01,0) [0|100] "%" BCU
- SG_ MuUsed : 32|16@1+ (0.01,0) [0|100] "%" BCU
-BA_DEF_ BO_ "GenMsgCycleTime" INT 0 65535;
-BA_DEF_ BO_ "E2EProfile" STRING ;
-BA_DEF_ BO_ "E2EDataId" INT 0 65535;
-BA_DEF_ SG_ "GenSigTimeoutTime" INT 0 65535;
-BA_DEF_ SG_ "GenSigStartValue" FLOAT -1E+10 1E+10;
-BA_DEF_DEF_ "GenMsgCycleTime" 20;
-BA_DEF_DEF_ "E2EProfile" "";
-BA_DEF_DEF_ "E2EDataId" 0;
-BA_DEF_DEF_ "GenSigTimeoutTime" 0;
-BA_DEF_DEF_ "GenSigStartValue" 0;
-BA_ "GenMsgCycleTime" BO_ 145 20;
-BA_ "GenMsgCycleTime" BO_ 2364540158 5;
-BA_ "E2EProfile" BO_ 800 "P11";
-BA_ "E2EDataId" BO_ 800 800;
-BA_ "GenSigTimeoutTime" SG_ 800 V 60;
-BA_ "GenSigStartValue" SG_ 145 MuAvailable 65535;
-VAL_ 145 Validity 0 "NotAvailable" 1 "Valid" 2 "Degraded" 14 "Error" ;
-VAL_ 145 MuAvailable 65535 "NotAvailable" ;
-VAL_ 145 MuUsed 65535 "NotAvailable" ;
-VAL_ 800 Status 0 "Ok" 1 "Degraded" 14 "Error" 15 "NotAvailable" ;
-VAL_ 800 V 65535 "SNA" ;
-VAL_ 800 Dir 0 "Forward" 1 "Reverse" 3 "SNA" ;
-SIG_VALTYPE_ 801 Radius : 1;
-"""
+DATA = Path(__file__).parents[1] / "data" / "dbc"
+TRAIN_DBC = (DATA / "fuzzed.dbc").read_text()
 TRAIN = """
 [bus]
 interface = "socketcan"
@@ -248,7 +204,6 @@ def test_known_keys_with_any_values_work_or_are_rejected(
     works_or_says_why(folder / "wrcd.toml", payloads)
 
 
-DATA = Path(__file__).parents[1] / "data" / "dbc"
 DBCS = tuple((DATA / name).read_text("cp1252") for name in ("sound.dbc", "third-party.dbc"))
 
 

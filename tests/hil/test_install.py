@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.pages import run_by
-from tests.support.unit_train import UNIT, Train, dpkg, journal, main_pid, package, prop, systemctl
+from tests.support.unit_train import BUILT, UNIT, Train, dpkg, journal, main_pid, package, prop, systemctl
 from wrcd import __version__
 from wrcd.config.config import DEFAULT
 
@@ -25,8 +25,12 @@ DUMP = Path("/var/lib/wrcd/vcan0/kept.log")
 SYSCTL = Path("/etc/sysctl.d/80-wrcd.conf")
 RMEM = Path("/proc/sys/net/core/rmem_max")
 UNIT_FILE = "/lib/systemd/system/wrcd@.service"
-# the unit of another installation, which would hide the package's
-OTHERS = Path("/usr/local/lib/systemd/system/wrcd@.service")
+# the unit of another installation, which would hide the package's; the list of what one laid out; a virtual environment
+OTHERS = (
+    Path("/usr/local/lib/systemd/system/wrcd@.service"),
+    Path("/usr/local/lib/wrcd/installed.json"),
+    HOME / "pyvenv.cfg",
+)
 # What may be otherwise afterwards: systemd's own bookkeeping, and dpkg's.
 SYSTEMD = ("/etc/.pwd.lock", "/run/systemd", "/run/log", "/run/credentials", "/var/lib/systemd", "/var/log/journal")
 DPKG = ("/var/log/dpkg.log", "/var/log/alternatives.log", "/var/cache/debconf")
@@ -136,14 +140,15 @@ def check_kept() -> None:
 
 
 def check_refused_beside_another_installation(database: list[str], file: Path) -> None:
-    made = [folder for folder in OTHERS.parents if not folder.exists()]
-    OTHERS.parent.mkdir(parents=True, exist_ok=True)
-    OTHERS.touch()
-    assert str(OTHERS) in run(*database, "-i", file, status=1)
-    assert not HOME.exists()
-    OTHERS.unlink()
-    for folder in made:
-        folder.rmdir()
+    for other in OTHERS:
+        made = [folder for folder in other.parents if not folder.exists()]
+        other.parent.mkdir(parents=True, exist_ok=True)
+        other.touch()
+        assert str(other.relative_to("/").parent) in run(*database, "-i", file, status=1)
+        assert not WRCD.exists()
+        other.unlink()
+        for folder in made:
+            folder.rmdir()
 
 
 def test_package_is_run_upgraded_and_removed_without_a_trace(train: Train, tmp_path: Path) -> None:
@@ -152,7 +157,7 @@ def test_package_is_run_upgraded_and_removed_without_a_trace(train: Train, tmp_p
         for step in run_by("tests/hil/test_install.py", "docs/how-to/install-on-train.md")
     )
     assert enable == ["systemctl", "enable", "--now", UNIT]  # in use()
-    old, new = package("*~studies"), package(__version__)
+    old, new = package(BUILT / "older"), package()
     database = dpkg(tmp_path, old)
     before, rmem = changes(*SYSTEMD, *DPKG), RMEM.read_text()
     check_refused_beside_another_installation(database, new)
@@ -164,15 +169,16 @@ def test_package_is_run_upgraded_and_removed_without_a_trace(train: Train, tmp_p
     edited = SYSCTL.read_text() + "# edited\n"
     SYSCTL.write_text(edited)
     BROKEN.write_text(DEFAULT + "[limits]\nmin_sped_m_s = 3\n")
-    BROKEN.with_suffix(".env").write_text(f"# as many write it\nWRCD_OPTIONS='-i socketcan --config={BROKEN}'\n")
+    BROKEN.with_suffix(".env").write_text(f"WRCD_OPTIONS=--config {BROKEN}\n")
     pid = main_pid()
     said = run(*database, "--force-confold", *upgrade[1:-1], new)
     assert f"{BROKEN}:{len(BROKEN.read_text().splitlines())}: limits.min_sped_m_s" in said
-    assert f"does not start with {BROKEN}\n" in said
+    assert f"{__version__} does not start with {BROKEN}:\n" in said
     assert str(CONFIG) not in said
-    assert f"these run what was there before, until: {' '.join(restart)}\n" in said
+    assert f"what was there before runs until: {' '.join(restart)}\n" in said
     assert main_pid() == pid
     assert SYSCTL.read_text() == edited
+    assert SYSCTL.with_name(f"{SYSCTL.name}.dpkg-dist").exists()  # the older package's was another
     restarted = time.time()
     run(*restart)
     train.wait(restarted + 0.1, seconds=PATIENCE_S)

@@ -1,15 +1,13 @@
 """The SocketCAN link on a real kernel: which frames it receives, when stamped, and how lost ones are counted."""
 
 import os
+import socket
 from pathlib import Path
 
 import pytest
 
 from tests.support.can_ids import ADHESION_A1, EXTENDED, YAW_RATE_A1, YAW_RATE_A2
-from tests.support.vcan import (
-    Node,
-    now_us,
-)
+from tests.support.vcan import Node, now_us
 from wrcd.bus.frame import Frame
 from wrcd.bus.link import MAX_FRAMES
 from wrcd.bus.socketcan import SocketCanLink
@@ -98,3 +96,38 @@ def test_frame_of_somebody_else_under_an_own_id_is_counted(link: SocketCanLink, 
     assert link.send(Frame(now_us(), ADHESION_A1, b"\x08"))
     assert link.receive(0) == []
     assert link.health.foreign_frames == 2
+
+
+def fd_frame(word: int, length: int) -> bytes:
+    """struct canfd_frame."""
+    return word.to_bytes(4, "little") + bytes([length, 0, 0, 0]) + bytes(range(length)).ljust(64, b"\0")
+
+
+def test_link_receives_fd_frames_where_they_are_wanted(bus: str, node: Node) -> None:
+    sender = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
+    sender.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FD_FRAMES, 1)
+    sender.bind((bus,))
+    extended = 0x80000000 | 0x101
+    with_fd, without = SocketCanLink(bus, (extended, 0x102), fd=True), SocketCanLink(bus, (extended, 0x102))
+    later = SocketCanLink(bus, None)
+    before = now_us()
+    for frame in (fd_frame(0x102, 48), fd_frame(extended, 64), fd_frame(0x101, 64)):
+        sender.send(frame)
+    node.send(0x102)
+    node.send(0x101)
+    got = with_fd.receive(0)
+    assert [(f.can_id, f.extended, f.fd, f.data) for f in got] == [
+        (0x102, False, True, bytes(range(48))), (0x101, True, True, bytes(range(64))),
+        (0x102, False, False, b"\x01\x02"),
+    ]  # fmt: skip
+    assert all(before <= f.stamp_us <= now_us() for f in got)
+    assert [(f.can_id, f.fd) for f in without.receive(0)] == [(0x102, False)]
+    assert [f.can_id for f in later.receive(0)] == [0x102, 0x101]
+    later.narrow((extended, 0x102), fd=True)
+    sender.send(fd_frame(0x102, 12))
+    node.send(0x101)
+    node.send(0x102)
+    assert [(f.can_id, len(f.data), f.fd) for f in later.receive(0)] == [(0x102, 12, True), (0x102, 2, False)]
+    sender.close()
+    for link in (with_fd, without, later):
+        link.close()

@@ -29,7 +29,6 @@ from tests.support.unit_train import (
     prop,
     systemctl,
 )
-from wrcd import __version__
 from wrcd.config.config import DEFAULT
 
 CONFIG, ENVIRONMENT = Path("/etc/wrcd/vcan0.toml"), Path("/etc/wrcd/vcan0.env")
@@ -45,7 +44,7 @@ def status() -> dict[str, str]:
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Train]:
     assert Path("/run/systemd/system").is_dir(), "this test needs systemd as PID 1: run it with `make test`"
-    file = package(__version__)
+    file = package()
     subprocess.run([*dpkg(tmp_path_factory.mktemp("dpkg"), file), "-i", file], timeout=180, check=True)
     # systemd/80-wrcd.conf: what arrives while the program starts must fit
     assert Path("/proc/sys/net/core/rmem_max").read_text() == "8388608\n"

@@ -25,17 +25,7 @@ from tests.support.can_ids import (
     id_of,
 )
 from tests.support.lone_wheelset import LONE, PLAYED
-from tests.support.metronome import (
-    SLOT_US,
-    WINDOW_US,
-    Cycle,
-    Machine,
-    calm,
-    cycle,
-    metronome,
-    mostly,
-    within,
-)
+from tests.support.metronome import SLOT_US, WINDOW_US, Cycle, Machine, calm, cycle, metronome, mostly, within
 from tests.support.processes import BIN, ROOT, running, stopped, wait_for
 from tests.support.scenarios import FOUR_AXLES, SIX_AXLES, held
 from tests.support.vcan import CANDUMP, add, allow_large_buffers, ip, overruns_at, slot_of
@@ -277,12 +267,12 @@ def test_silence_of_the_sensors_is_no_time_step(tmp_path: Path) -> None:
 
 
 def test_sigusr1_dump_replays_to_what_was_sent(tmp_path: Path) -> None:
-    """SIGUSR1 has the last seconds written; a replay goes on from the state beside them, byte for byte."""
+    """SIGUSR1 has the last seconds written; they begin with the daemon, so a replay is what was sent, byte for byte."""
     scenario, log, config = tmp_path / "dry.toml", tmp_path / "dry.log", tmp_path / "wrcd.toml"
     scenario.write_text(held("A", 6.0, 0.5))
     subprocess.run([BIN / "sim-ecu", "play", scenario, "--fast", "--log", log], timeout=120, check=True)
     log.write_text(log.read_text().replace(" R\n", "\n"))
-    config.write_text(DEFAULT + '[recorder]\nfolder = "dumps"\nseconds = 6.0\n')
+    config.write_text(DEFAULT + '[recorder]\nfolder = "dumps"\n')
     bus = tmp_path / "candump.log"
     allow_large_buffers()
     with (
@@ -297,11 +287,11 @@ def test_sigusr1_dump_replays_to_what_was_sent(tmp_path: Path) -> None:
         said = stopped(daemon)
     print(said)
     (dump,) = tmp_path.glob("dumps/wrcd-vcan0-*-asked.log")
-    assert len(list(tmp_path.glob("dumps/wrcd-vcan0-*-exit.log"))) == 1
+    assert len(list(tmp_path.glob("dumps/*.log"))) == 1  # none at the end
     out = tmp_path / "out.log"
     subprocess.run([BIN / "wrcd", "replay", dump, "--config", config, "-o", out], timeout=300, check=True)
     computed = {(f.can_id, f.stamp_us // 20_000): f.data for f, _ in read_log(out, Damage())}
-    # what candump saw from the dump's first slot to its last, the tail that only the clock closed too
+    # what candump saw, but for the slots before the first input and after the last, which only the clock closed
     frames = [f for f, _ in read_log(bus, Damage())]
     sent = {(f.can_id, slot_of(f)): f.data for f in frames if f.can_id in ADHESION.values()}
     judged = {key: data for key, data in sent.items() if key in computed}
@@ -321,7 +311,7 @@ def test_sigusr1_dump_replays_to_what_was_sent(tmp_path: Path) -> None:
     # and the dump, like any log, has what was sent: every frame of it that the bus carried
     noted = {(f.can_id, slot_of(f)): f.data for f, _ in read_log(dump, Damage()) if f.can_id in ADHESION.values()}
     assert noted.items() <= sent.items()
-    assert noted.items() <= computed.items()
+    assert {key: data for key, data in noted.items() if key in computed}.items() <= computed.items()
 
 
 def test_four_axles_estimate_their_own_rails(four_axles: Recorded, tmp_path: Path) -> None:

@@ -132,7 +132,6 @@ def main(library: str, ticks: str) -> int:
                 if done % 50 == 0:
                     e.estimate()
                     list(answers(e))
-                    e.take(e.reference())
                 done += 1
     print(f"{done} ticks, {made}")
     return 0

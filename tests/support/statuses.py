@@ -19,7 +19,7 @@ _MADE = {Status.BAD_INPUT: _RIG_BAD, Status.NOT_THERE: _FILE, **_STOPPED}
 
 WRCD: dict[str, dict[Status, str]] = {
     "run": {
-        Status.DONE: "SIGTERM or Ctrl-C came: the last frames said NotAvailable, the last dump is written",
+        Status.DONE: "SIGTERM or Ctrl-C came: the last frames said NotAvailable, a dump that was due is written",
         Status.STOPPED: "a mistake in the program: a traceback; the unit starts it again",
         Status.BAD_INPUT: "bad configuration, DBC or design: file, line, key, reason; the unit does not try again",
         Status.NOT_THERE: "the bus or a file cannot be opened, after `--wait` at the latest; the unit tries again",

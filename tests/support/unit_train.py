@@ -22,9 +22,9 @@ def output(*words: str) -> str:
     return subprocess.run(words, timeout=60, check=True, capture_output=True, text=True).stdout.strip()
 
 
-def package(version: str) -> Path:
-    """The Debian package of a version; "*~studies": of the older one."""
-    (file,) = BUILT.glob(f"wrcd_{version}_*.deb")
+def package(folder: Path = BUILT) -> Path:
+    """The Debian package in a folder: this version's, or that of BUILT / "older"."""
+    (file,) = folder.glob("wrcd_*.deb")
     return file
 
 

@@ -1,5 +1,6 @@
 """What most tests of the daemon begin with; and jobs without a process of their own."""
 
+import pickle
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import nullcontext
 from typing import Any
@@ -28,8 +29,11 @@ def sim(config: Config) -> SensorSimulator:
 def run_here(
     function: Callable[[Any], Any], jobs: Sequence[Any], _workers: object, _limit_s: float = 0.0
 ) -> Iterator[JobOutcome[Any]]:
-    """As pool.run, one after the other where it is called."""
-    for place, job in enumerate(jobs):
+    """As pool.run, one after the other where it is called; each as a worker would get it."""
+    for place, one in enumerate(jobs):
+        job = pickle.loads(pickle.dumps(one))
+        if not getattr(function, "__module__", "").startswith("tests"):  # a test's own may be a local one
+            function = pickle.loads(pickle.dumps(function))
         error = ""
         for _ in range(TRIES):
             try:

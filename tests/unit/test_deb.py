@@ -13,6 +13,7 @@ import pytest
 
 from wrcd import __version__, native
 from wrcd.cli.main import WRCD
+from wrcd.config.config import DEFAULT
 
 ROOT = Path(__file__).parents[2]
 NEEDS_DPKG = pytest.mark.skipif(
@@ -138,8 +139,42 @@ def test_package_brings_a_manual_page_and_completion_of_every_command(package: P
 def test_every_unit_starts_what_the_package_brings(package: Path, tmp_path: Path) -> None:
     subprocess.run(["dpkg-deb", "--extract", package, tmp_path], check=True)
     unit = (tmp_path / "usr/lib/systemd/system/wrcd@.service").read_text()
-    for program in re.findall(r"^Exec\w+=(\S+)", unit, re.MULTILINE):
-        assert (tmp_path / program[1:]).stat().st_mode & 0o111
+    assert re.findall(r"^Exec\w+=(\S+)", unit, re.MULTILINE) == ["/opt/wrcd/bin/wrcd"]
+    assert (tmp_path / "opt/wrcd/bin/wrcd").stat().st_mode & 0o111
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        "--config train.toml",
+        "'--lock --config=train.toml'",
+        '--config "train.toml"',
+        '"--wait 3 \\\n --config train.toml"',
+    ],
+)
+def test_upgrade_names_what_is_to_be_mended(tmp_path: Path, options: str) -> None:
+    train = tmp_path / "etc/train.toml"
+    train.parent.mkdir()
+    train.write_text(DEFAULT + "[limits]\nmin_sped_m_s = 3\n")
+    folder = tmp_path / "wrcd"
+    folder.mkdir()
+    (folder / "can0.env").write_text(f"# as many write it\nWRCD_OPTIONS={options.replace('train.toml', str(train))}\n")
+    (folder / "sim-ecu-can1.env").write_text(f"SCENARIO={folder}/curve.toml\n")
+    (folder / "curve.toml").write_text("duration_s = 3\n")
+    (folder / "can2.toml").write_text(DEFAULT + "[advice]\n")
+    (folder / "can3.toml").write_text(DEFAULT)
+    done = subprocess.run(
+        [sys.executable, ROOT / "systemd/deb/upgraded.py", folder],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    )
+    last = DEFAULT.count("\n")
+    refused, named, ended = done.stderr.splitlines()
+    assert str(train) in refused
+    assert named.startswith(f"{train}:{last + 2}: limits.min_sped_m_s: ")
+    assert f" {folder}/can2.toml:{last + 1}: advice: " in ended
 
 
 @NEEDS_DPKG

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from sim_ecu.cli.main import MODULES, explained
+from wrcd.cli.main import main as wrcd
 
 ROOT = Path(__file__).parents[2]
 ON_THE_TRAIN = {"numpy", "cantools", "can", "wrcd", "sim_ecu"}
@@ -75,3 +76,11 @@ def test_missing_package_is_named_as_it_is_installed(module: str, extra: str, pa
     with pytest.raises(Exception, match=rf"the package {package} is missing: .*\[{extra}\]") as caught:
         explained(command)
     assert getattr(caught.value, "status", None) == 2
+
+
+def test_monitor_without_its_extra_is_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "textual", None)
+    assert wrcd(["monitor", "ride.log"]) == 2
+    assert capsys.readouterr().err.startswith("wrcd: error: monitor: needs the extra monitor")

@@ -31,7 +31,6 @@ VCAN = "ip link add vcan0 type vcan && ip link set vcan0 up"
 LOOPBACK = "ip link set lo up && ip route add 224.0.0.0/4 dev lo"
 FOLDERS = ("README.md", "docs/tutorial/", "docs/how-to/")
 NAMES = [p.relative_to(ROOT).as_posix() for p in pages()]
-LATER = {"docs/how-to/read-a-recorder-dump.md"}  # it is rewritten for the recorder's ring
 # What has ended in the background must have ended well. bash forgets what it has not been asked to remember.
 BACKGROUND = re.compile(r"(?<!&)&[ \t]*$", re.MULTILINE)
 REMEMBER = '& jobs="$jobs $!"'
@@ -47,7 +46,7 @@ def to_run(page: str) -> list[Block]:
     return [b for b in blocks(ROOT / page) if b.skip is None]
 
 
-PAGES = [n for n in NAMES if n.startswith(FOLDERS) and n not in LATER and to_run(n)]
+PAGES = [n for n in NAMES if n.startswith(FOLDERS) and to_run(n)]
 
 
 @cache
@@ -160,7 +159,5 @@ def test_background_of_a_page_is_ended(tmp_path: Path) -> None:
 
 def test_no_comment_in_a_page_speaks_to_a_program_but_skip() -> None:
     for name in NAMES:
-        if name in LATER:
-            continue
         comments = re.findall(r"<!-- (.+?) -->", (ROOT / name).read_text(encoding="utf-8"), re.DOTALL)
         assert [c for c in comments if not c.startswith("skip: ")] == [], name

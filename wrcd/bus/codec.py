@@ -1,7 +1,6 @@
 """Any DBC to quantities and back. A frame is accepted whole or not at all, and every rejection has its reason."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 from wrcd.bus.dbc import Database, data_id, find_message
 from wrcd.bus.frame import EXTENDED, Frame
@@ -17,7 +16,6 @@ __all__ = [
 ]  # fmt: skip
 
 
-@dataclass(init=False, repr=False, eq=False)
 class Receiver:
     """All mapped messages by their identity, those that carry nothing but a status of others among them.
 

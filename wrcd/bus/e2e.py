@@ -2,7 +2,6 @@
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,7 +67,6 @@ def protect(data: bytes | bytearray, data_id: int, counter: int) -> bytes:
     return bytes(out)
 
 
-@dataclass(init=False, repr=False, eq=False)
 class Checker:
     """Watches one protected message and follows its sender's chain of counters.
 

@@ -25,7 +25,7 @@ class LinkHealth:
     bus_offs: int = 0
     foreign_frames: int = 0  # of messages that are sent here, and that somebody else sent
     # the same by message (Frame.key), for the log
-    foreign_by_key: Counter[int] = field(default_factory=Counter, compare=False)
+    foreign_by_key: Counter[int] = field(default_factory=Counter)
 
     def foreign(self, key: int) -> None:
         """Somebody else has sent a message that is sent here."""

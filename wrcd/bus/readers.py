@@ -3,7 +3,6 @@
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -134,7 +133,6 @@ class SignalReader:
         return np.where(good, si, np.nan)
 
 
-@dataclass(init=False, repr=False, eq=False)
 class MessageReader:
     """Decodes one message and checks all of it.
 

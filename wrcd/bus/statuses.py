@@ -1,8 +1,6 @@
 """What senders say of themselves: a signal that tells whether what stands beside it, or in another message, is to be
 believed."""
 
-from dataclasses import dataclass
-
 from wrcd.bus.dbc import DEFAULT_TIMEOUT_MS, Message, find_signal, timeout_ms
 from wrcd.bus.positions import Branch, Field, Numbers, frame_length
 from wrcd.bus.signals import StatusRule
@@ -44,7 +42,6 @@ class SenderStatus:
         return False if word in self.ok else True if word in self.degraded else None
 
 
-@dataclass(init=False, repr=False, eq=False)
 class KeptStatus(SenderStatus):
     """One that comes in other frames than what it is about: the newest counts until it is too old."""
 

@@ -119,14 +119,12 @@ def version_lines(program: str) -> list[str]:
     import platform
 
     from wrcd import __version__, native, resources
-    from wrcd.recorder.state_file import FORMAT
 
     design = json.loads(resources.DESIGN.read_text(encoding="utf-8"))
     found = ", ".join(f"{name} {_installed(name)}" for name in LIBRARIES)
     return [
         f"{program} {__version__}",
         f"design  {design['name']} {design['checksum'][:12]}, {design['format']}",
-        f"state   {FORMAT}",
         "log     candump -L",
         f"estimator: {native.engine()}",
         f"with    Python {platform.python_version()}, {found}, {platform.system()} {platform.release()}",

@@ -62,7 +62,7 @@ CONSTANT_SPEED = Number("constant_speed_m_s", "the speed of a rig without a spee
 TORQUE_IS_TOTAL = Flag("torque_is_total", "false: friction brakes act beside the torque on the bus", True)
 NUMBER = Whole("number", "each once", 1, MAX_AXLES, needed=True)
 FOLDER = Text("folder", "where dumps go; default: systemd's `$STATE_DIRECTORY`, else none")
-SECONDS = Number("seconds", "how much is kept in memory; 0 is off", 0.0, 600.0, 60.0)
+SECONDS = Number("seconds", "how much is kept in memory; 0 is off", 0.0, 600.0, 90.0)
 MAX_FILES = Whole("max_files", "dumps in the folder", 1, 10_000, 20)
 MAX_MB = Number("max_mb", "megabytes in the folder", 1.0, 1e6, 200.0)
 

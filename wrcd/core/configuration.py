@@ -35,7 +35,7 @@ class RecorderConfig:
 
     folder: Path | None
     seconds: float
-    max_files: int  # dumps; each is a log and a state
+    max_files: int  # dumps; each is a log and its events
     max_mb: float
 
     @property

@@ -13,7 +13,6 @@ silence and step leave the same behind them, and whoever cannot tell them apart,
 
 from collections.abc import Sequence
 from copy import copy, deepcopy
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -30,7 +29,7 @@ from wrcd.core.input_buffers import NEVER
 from wrcd.core.inputs import YAW, Inputs, TickInputs
 from wrcd.core.lane import DUE, NOTE, FastLane, fits
 from wrcd.core.messages import NAMES, Outbox, Outgoing, Report
-from wrcd.core.slot import Slot, SlotReports, frames, reports
+from wrcd.core.slot import Slot, frames, reports
 from wrcd.core.validity import Backoff, ValidityMonitor, tick_causes
 from wrcd.estimator.design import CHANNELS, FloatArray
 from wrcd.estimator.engine import Engine, make_estimator
@@ -60,7 +59,6 @@ class Observer:
         """What a slot's frames are made from, after a tick."""
 
 
-@dataclass(init=False, repr=False, eq=False)
 class Core:
     """One bus, all its axles."""
 
@@ -98,8 +96,6 @@ class Core:
         self._outlier_us = [NEVER] * n
         self._backoff = Backoff(n, config.design.tick_s)
         self._reports: list[Report] = []  # of the newest slot
-        # slot by slot, since they were taken last; None: nobody takes them
-        self._slot_reports: list[SlotReports] | None = None
         self.events = Events(config)
         self.explains = True  # what feed_batch() makes comes with its estimate, as what feed() makes
         self.muted = False  # make no frames: nobody would send them
@@ -140,10 +136,8 @@ class Core:
 
     def take_told(self) -> None:
         """Take what slots have told in the lane."""
-        if self._lane is not None and (told := self._lane.reports(newest_alone=self._slot_reports is None)):
-            self._reports = list(told[-1].reports)
-            if self._slot_reports is not None:
-                self._slot_reports += told
+        if self._lane is not None and (told := self._lane.reports()):
+            self._reports = told
 
     @property
     def newest_us(self) -> int:
@@ -159,12 +153,6 @@ class Core:
         begin_us = self._open * period_us
         begins = ((begin_us // cycle_us + 1) * cycle_us for cycle_us in self._outbox.cycles_us)
         return min(-(-slot_us // period_us) * period_us for slot_us in begins)
-
-    def take_reports(self) -> list[SlotReports]:
-        """The reports of each slot since the last call; from the first call on they are kept."""
-        self.take_told()
-        reports, self._slot_reports = self._slot_reports or [], []
-        return reports
 
     @property
     def waits(self) -> int:
@@ -396,8 +384,6 @@ class Core:
             self._observer.estimated(end_us // self._period_us - 1, estimate)
         if slot.adhesion or slot.detail:
             self._reports = reports(slot, self.events.confidences)
-            if self._slot_reports is not None:
-                self._slot_reports.append(SlotReports(self._reports, slot.adhesion, slot.below_min_speed))
             self.events.slot(end_us, self._reports, slot.details, estimate)
         return frames(slot, self._reports, self._outbox)
 
@@ -420,7 +406,6 @@ class Core:
             details=self.events.standing(standing, inputs, self._validity, self.estimator.health, end_us)
             if reports_due
             else {},
-            below_min_speed=self.below_min_speed,
             age_ms=[inputs.age_ms(axle, end_us) for axle in axles] if reports_due else (),
             torque_ratio=tick.torque_ratio,
             stale=[inputs.quantities(tick.stale, axle) for axle in axles] if detail else (),

@@ -17,9 +17,9 @@ class Counts:
     accepted: int = 0
     rejected: Counter[Reason] = field(default_factory=Counter)
     # the same by message, for the log
-    rejected_by_message: Counter[tuple[str, Reason]] = field(default_factory=Counter, compare=False)
+    rejected_by_message: Counter[tuple[str, Reason]] = field(default_factory=Counter)
     # measurements at an end of their range, which were not used, by axle (its number) and quantity in words; likewise
-    clipped: Counter[tuple[int, str]] = field(default_factory=Counter, compare=False)
+    clipped: Counter[tuple[int, str]] = field(default_factory=Counter)
     late: int = 0  # arrived after their tick was closed: used in the tick that was open
     time_steps: int = 0
     restarts: int = 0  # axles started anew: absurd measurements that went on, a speed that jumped

@@ -21,7 +21,7 @@ from wrcd.estimator.records import Estimate
 
 COLUMNS = ("time_s", "axle", "from", "to", "cause", "detail")
 MAX_KEPT = 4096  # changes, for those who look after every turn
-MAX_DETAIL = 200  # characters: what a state file's texts may have
+MAX_DETAIL = 200  # characters
 # What a cause is described from: the axle's sensors, the estimate, what an axle lacks; else it is of a tick.
 PAIR_CAUSES = frozenset(OF_PAIR.values())
 ESTIMATE_CAUSES = frozenset((*OF_ESTIMATE.values(), Cause.CONTRADICTION))
@@ -57,9 +57,13 @@ class Change:
     @property
     def csv_line(self) -> str:
         """A row of COLUMNS."""
-        stamp = f"{'-' * (self.time_us < 0)}{abs(self.time_us) // 1_000_000}.{abs(self.time_us) % 1_000_000:06d}"
         cause = self.cause.label if self.cause else ""
-        return csv_line((stamp, self.axle, self.before.value, self.after.value, cause, self.detail))
+        return csv_line((csv_time(self.time_us), self.axle, self.before.value, self.after.value, cause, self.detail))
+
+
+def csv_time(time_us: int) -> str:
+    """A time as the rows have it, in seconds."""
+    return f"{'-' * (time_us < 0)}{abs(time_us) // 1_000_000}.{abs(time_us) % 1_000_000:06d}"
 
 
 def csv_line(cells: Sequence[object]) -> str:
@@ -69,7 +73,6 @@ def csv_line(cells: Sequence[object]) -> str:
     return line.getvalue()
 
 
-@dataclass(init=False, repr=False, eq=False)
 class Events:
     """Compares each slot with the one before."""
 

@@ -5,14 +5,12 @@ A place is a quantity of an axle. The register of eight bits is as chrony keeps 
 
 from collections import Counter, deque
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from wrcd.bus.reasons import Reason
 
 NEVER = -(1 << 60)
 
 
-@dataclass(init=False, repr=False, eq=False)
 class JitterBuffer:
     """Give each tick one measurement of every place (a channel of an axle), in the order in which they came.
 
@@ -78,7 +76,6 @@ _LABELS = ("None", *(r.label for r in Reason))
 _NUMBERS = {reason: number for number, reason in enumerate(Reason, 1)}
 
 
-@dataclass(init=False, repr=False, eq=False)
 class Reach:
     """By place (a quantity of an axle). A bit stands for one time-out that is over, the newest lowest; set: a good
     frame came in it."""
@@ -134,7 +131,6 @@ class Reach:
         self._until_us[place] = (interval + 1) * timeout_us
 
 
-@dataclass(init=False, repr=False, eq=False)
 class Refusals:
     """By place (a quantity of an axle). Costs nothing while no frame is refused: a good frame is known by its stamp."""
 

@@ -49,7 +49,6 @@ def rows_of(config: Config) -> tuple[list[int], list[int]]:
     return [*range(len(QUANTITIES)), *(q for q, _ in later)], rows
 
 
-@dataclass(init=False, repr=False, eq=False)
 class Inputs:
     """Values by place. check(), then accept() or reject() while the tick is open, close_tick() when it is over.
 

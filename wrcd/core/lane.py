@@ -37,7 +37,6 @@ from wrcd.core.lane_records import (
 )
 from wrcd.core.messages import ROOM, Outbox, Outgoing, Report, nan_to_none
 from wrcd.core.plausibility import MIN_RUN, JumpCheck, StuckCheck
-from wrcd.core.slot import SlotReports
 from wrcd.core.validity import LOAD_SHARES, OF_ESTIMATE, OF_PAIR, RADIUS_SHARES, Backoff, ValidityMonitor
 from wrcd.core.vocabulary import CONFIDENCES, SURFACES, words_of
 from wrcd.estimator.design import FloatArray
@@ -293,18 +292,15 @@ class FastLane:
             for frame, cause in zip(FrameBatch(made.tobytes()), made["cause"].tolist(), strict=True)
         ]
 
-    def reports(self, newest_alone: bool) -> list[SlotReports]:
-        """The reports of the slots that were told since the last time."""
-        out, count = [], int(self._k["out_slots"])
-        for slot in self._slots[max(count - 1, 0) if newest_alone else 0 : count]:
-            end_us = int(slot["end_us"])
-            adhesion = [
-                int(s["axle"]) for s in self._sent[: self._adhesions] if end_us % s["cycle_us"] < self._k["period_us"]
-            ]
-            told = [_report(of_axle) for of_axle in slot["told"][: self._n].tolist()]
-            out.append(SlotReports(told, adhesion, below_min_speed=False))
+    def reports(self) -> list[Report]:
+        """Of every axle at the newest slot that was told since the last time; empty: there was none."""
+        count = int(self._k["out_slots"])
         self._k["out_slots"] = 0
-        return out
+        return [
+            _report(of_axle)
+            for slot in self._slots[max(count - 1, 0) : count]
+            for of_axle in slot["told"][: self._n].tolist()
+        ]
 
     @property
     def newest(self) -> int:

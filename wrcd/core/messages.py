@@ -150,7 +150,6 @@ class Outgoing:
     cause: Cause = Cause.NONE  # of an axle's adhesion not being Valid
 
 
-@dataclass(init=False, repr=False, eq=False)
 class Outbox:
     """Turns reports and counters into frames. A message that the DBC lacks is left out. engine: the estimator."""
 

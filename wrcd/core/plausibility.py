@@ -1,7 +1,6 @@
 """What a good frame may still get wrong: a sensor that stands still while the train moves, a value that jumps."""
 
 import math
-from dataclasses import dataclass
 
 from wrcd.bus.reasons import Reason
 from wrcd.bus.units import Quantity
@@ -27,7 +26,6 @@ MAX_STEP = {
 }
 
 
-@dataclass(init=False, repr=False, eq=False)
 class StuckCheck:
     """Watches a sensor that must move."""
 
@@ -82,7 +80,6 @@ class StuckCheck:
         return max(MIN_RUN, math.ceil(chance / math.log(min(max(self._share, 1e-6), MAX_SHARE))))
 
 
-@dataclass(init=False, repr=False, eq=False)
 class JumpCheck:
     """Watches a quantity that cannot jump."""
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from wrcd.bus.codec import Value
 from wrcd.core.causes import Cause, Validity
@@ -31,20 +30,11 @@ class Slot:
     detail: bool  # whether a frame that explains it is
     standing: Sequence[Standing]
     details: Mapping[int, str]  # of the axles (places) whose standing has changed: how it is, in figures
-    below_min_speed: bool
     age_ms: Sequence[int]
     torque_ratio: Sequence[float]
     stale: Sequence[set[int]]  # quantities
     inputs: Sequence[Mapping[str, Value]]  # values of the frames about the inputs, where they are due
     status: Sequence[Outgoing]
-
-
-class SlotReports(NamedTuple):
-    """The reports of every axle in a slot."""
-
-    reports: Sequence[Report]
-    adhesion: Sequence[int]  # axles (places) whose adhesion was due
-    below_min_speed: bool  # whether the train is known to be slower than an estimate needs
 
 
 def reports(slot: Slot, before: Sequence[str]) -> list[Report]:

@@ -9,7 +9,6 @@ is Degraded; the window goes on after it.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from wrcd.core.causes import Cause, Validity
@@ -88,7 +87,6 @@ def _doubtful(i: Inputs, axle: int) -> Cause:
     return Cause.NONE
 
 
-@dataclass(init=False, repr=False, eq=False)
 class ValidityMonitor:
     """Counts the sound ticks of every axle, and says what follows."""
 
@@ -193,7 +191,6 @@ FREE_RESETS = 4
 FIRST_WAIT_S, LAST_WAIT_S = 1.0, 8.0  # twice as long each time
 
 
-@dataclass(init=False, repr=False, eq=False)
 class Backoff:
     """Counts each axle's resets that no full window of good ticks came between."""
 

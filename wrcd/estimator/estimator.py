@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Iterator
 from copy import copy
-from dataclasses import dataclass
 from typing import ClassVar, Protocol
 
 import numpy as np
@@ -23,7 +22,6 @@ from wrcd.estimator.trust.memory import ANOTHER_STEPS, STEP_TICKS, Remembered, r
 OFFSET_WINDOWS = 2  # memory of the sensors' offsets, in windows
 
 
-@dataclass(init=False, repr=False, eq=False)
 class Estimator:
     """Steps the bank and answers. Never raises on data: what is unknown comes out as NaN.
 
@@ -74,12 +72,6 @@ class Estimator:
         self._delayed_clear = np.zeros((HOLD_TICKS, axles), dtype=bool)
         self._memory = np.zeros((len(Remembered._fields), axles))
         self.started = np.zeros(axles, dtype=bool)
-
-    @property
-    def is_possible(self) -> bool:
-        """Whether what is remembered is a number: a state from a file may hold others, and they would stay."""
-        m = Remembered(*self._memory)
-        return bool(np.isfinite(self._memory).all() and (m.peak_age_s >= 0.0).all())
 
     def reset(self, axle: int) -> None:
         """Start an axle anew: after a gap, a step of time, or a standstill."""

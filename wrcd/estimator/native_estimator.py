@@ -1,7 +1,4 @@
-"""The estimator in C (wrcd/estimator/c), under the reference's interface, and its state as the reference's.
-
-What is saved of it is a reference estimator's state, so that either goes on with the other's.
-"""
+"""The estimator in C (wrcd/estimator/c), under the reference's interface, and its state as the reference's."""
 
 import ctypes
 from collections.abc import Iterator, Mapping
@@ -192,14 +189,6 @@ class CompiledEstimator:
             setattr(place, name, type(getattr(place, name))(self._train[c_name]))
         e._window._latest_change = int(e._window._since.max())
         return e
-
-    def take(self, e: Estimator) -> None:
-        """Go on from a reference estimator's state."""
-        for place, name, own in self._arrays(e):
-            own[...] = getattr(place, name).reshape(own.shape)
-        for c_name, path in _OF_TRAIN.items():
-            place, name = _place(e, path)
-            self._train[c_name] = getattr(place, name)
 
     def _arrays(self, e: Estimator) -> Iterator[tuple[Any, str, FloatArray]]:
         """Of each array of the state: whose it is in a reference estimator, its name there, and its own memory with the

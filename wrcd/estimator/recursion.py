@@ -1,7 +1,5 @@
 """Recursive filters of many channels: sections of second order."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from wrcd.estimator.design import FloatArray
@@ -24,7 +22,6 @@ def state_space(sos: FloatArray) -> FloatArray:
     return M
 
 
-@dataclass(init=False, repr=False, eq=False)
 class Sections:
     """A recursive filter over `channels` signals of every axle."""
 

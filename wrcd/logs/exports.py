@@ -134,8 +134,8 @@ class GatherExports(Observer):
         self._new_changes: NewChanges | None = None
 
     def begin(self, core: Core, part: Part, log: Path, first_us: int) -> None:
-        """Make the files, for what is gathered from now on of a log. What the core goes on from is not of this log.
-        first_us: the time of the log's first frame. Raises InputError for a file that can't be made."""
+        """Make the files, for what is gathered from now on of a log. first_us: the time of the log's first frame.
+        Raises InputError for a file that can't be made."""
         self._new_changes = NewChanges(core)
         self._begin_us = self._begin_us if part.begin_us is None else part.begin_us
         self._end_us = self._end_us if part.end_us is None else part.end_us

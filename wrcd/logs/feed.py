@@ -1,6 +1,5 @@
 """What of a log goes through a core, what comes of it, and which part of that is written."""
 
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +18,6 @@ from wrcd.logs.columns import MIN_ROWS, Item, Stretch
 from wrcd.logs.decoder import sent_messages
 from wrcd.logs.reader import LogReader
 from wrcd.logs.time_order import frames_of
-from wrcd.recorder.resume import Saved, replay_events
 
 # A log has no clock to tell a silence from a step of time by. A gap of up to so long between its lines, whoever's they
 # are, is a silence, and its slots are made; a longer one is a step. What comes after it is the same either way.
@@ -28,36 +26,27 @@ MAX_GAP_US = 500_000  # between frames of a stretch that is read by columns: far
 
 
 def outgoing_of_log(
-    core: Core, log: LogReader, saved: Saved | None, part: Callable[[Iterator[Item]], Iterator[Item]] = iter
+    core: Core, log: LogReader, part: Callable[[Iterator[Item]], Iterator[Item]] = iter
 ) -> Iterator[tuple[Outgoing, str]]:
-    """What the core makes of a log, and the channel: of all of a recorder's, whose state saved is, else of a part."""
+    """What the core makes of a part of a log, and the channel."""
     with log:
-        if saved is not None:
-            yield from outgoing(core, log.clock.items(log.frames()), saved)
-        else:
-            yield from outgoing_of_stretches(core, log.clock.items(part(log.in_order())))
+        yield from outgoing_of_stretches(core, log.clock.items(part(log.in_order())))
 
 
-def outgoing(core: Core, frames: Iterable[tuple[Frame, str]], saved: Saved | None) -> Iterator[tuple[Outgoing, str]]:
-    """What the core makes of a log's frames, and the channel. What the loop did between them is done again; where the
-    log does not come from a recorder and nothing tells of it, its lines are the clock."""
-    events = deque(saved.events if saved is not None else ())
-    lines, channel = 0, ""
-    for lines, (frame, channel) in enumerate(frames):
-        before = replay_events(core, events, lines) if saved is not None else silence(core, frame.stamp_us)
-        for o in (*before, *core.feed(frame)):
+def outgoing(core: Core, frames: Iterable[tuple[Frame, str]]) -> Iterator[tuple[Outgoing, str]]:
+    """What the core makes of a log's frames, and the channel. The log's lines are the clock."""
+    for frame, channel in frames:
+        for o in (*silence(core, frame.stamp_us), *core.feed(frame)):
             yield o, channel
-    for o in replay_events(core, events, lines + 1):
-        yield o, channel
 
 
 def outgoing_of_stretches(core: Core, items: Iterable[Item]) -> Iterator[tuple[Outgoing, str]]:
-    """The same of a log that does not come from a recorder, many frames at once where it is regular."""
+    """The same, many frames at once where the log is regular."""
     for item in items:
         if isinstance(item, tuple):
-            yield from outgoing(core, (item,), None)
+            yield from outgoing(core, (item,))
         elif not _goes_on(core, item):
-            yield from outgoing(core, ((frame, item.channel) for frame in item.frames()), None)
+            yield from outgoing(core, ((frame, item.channel) for frame in item.frames()))
         else:
             for o in core.feed_batch(item.batch):
                 yield o, item.channel

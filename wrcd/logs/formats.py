@@ -1,6 +1,7 @@
 """Logs in the formats of python-can, by its own readers. What those do not notice is not noticed here."""
 
 import io
+import struct
 from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, cast
@@ -13,6 +14,7 @@ from wrcd.bus.pythoncan import from_message
 from wrcd.errors import InputError
 
 MAX_STAMP_US = 10**17  # the year 5138
+BLF_HEADER, BLF_SIZE_AT = 16, 8  # bytes of an object's header; where in it the object's length stands
 
 
 def read(path: Path, suffix: str, file: IO[bytes]) -> Iterator[tuple[Frame, str]]:
@@ -30,8 +32,23 @@ def read(path: Path, suffix: str, file: IO[bytes]) -> Iterator[tuple[Frame, str]
             yield _frame(message), str(message.channel if message.channel is not None else "can0")
 
 
+class _BlfReader(can.BLFReader):
+    """Ends at an object that is shorter than its header: python-can reads one of length 0 without an end."""
+
+    def _parse_container(self, data: bytes) -> Iterator[can.Message]:
+        whole = self._tail + data
+        at = whole.find(b"LOBJ", 0, 8)  # as far as python-can looks
+        while 0 <= at <= len(whole) - BLF_HEADER:
+            (size,) = struct.unpack_from("<L", whole, at + BLF_SIZE_AT)
+            if size < BLF_HEADER:
+                yield from super()._parse_container(data[: max(at - len(self._tail), 0)])
+                raise ValueError(f"an object of length {size}")
+            at = whole.find(b"LOBJ", at + size, at + size + 8)
+        yield from super()._parse_container(data)
+
+
 def _reader(path: Path, suffix: str, file: IO[bytes]) -> MessageReader:
-    kind = can.io.MESSAGE_READERS.get(suffix)
+    kind = _BlfReader if suffix == ".blf" else can.io.MESSAGE_READERS.get(suffix)
     if kind is not None and issubclass(kind, TextIOMessageReader):
         # every byte is a character: only frames count, and they are ASCII
         return kind(io.TextIOWrapper(file, encoding="latin-1"))

@@ -7,7 +7,7 @@ import re
 import zlib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import IO, Any, Self, TypeVar, cast
+from typing import IO, Any, Self, cast
 
 from wrcd.bus.candump import parse_line
 from wrcd.bus.frame import Frame
@@ -17,7 +17,6 @@ from wrcd.logs.damage import Damage
 from wrcd.logs.time_order import Onward, TimeOrder, on_channel
 from wrcd.progress import Progress
 
-SomeItem = TypeVar("SomeItem", Stretch | tuple[Frame, str], tuple[Frame, str])
 CHUNK_BYTES, READ_BYTES = 1 << 18, 1 << 13  # of a log, taken at once, and asked of the file at once
 CANDUMP_SUFFIXES = {".log"}
 # "  vcan0  123   [8]  11 22 33": with -t a stamp before it, with -c colours between
@@ -49,10 +48,6 @@ class LogReader:
         if self._progress is not None:
             self._progress.end()
 
-    def frames(self) -> Iterator[tuple[Frame, str]]:
-        """Frame by frame, as written."""
-        return self._shown(on_channel(read_log(self.path, self.damage), self._channel, self.path))
-
     def written(self) -> Iterator[Item]:
         """Many frames at once where the log is regular, as written."""
         return self._shown(on_channel(read_stretches(self.path, self.damage), self._channel, self.path))
@@ -71,7 +66,7 @@ class LogReader:
         """Sentences on what is damaged or out of order; empty for a sound log."""
         return [*self.damage.warnings(self.path), *self._order.warnings()]
 
-    def _shown(self, items: Iterator[SomeItem]) -> Iterator[SomeItem]:
+    def _shown(self, items: Iterator[Item]) -> Iterator[Item]:
         if self._progress is None:
             yield from items
             return
@@ -130,9 +125,12 @@ def _errors(path: Path, damage: Damage, *kinds: type[Exception]) -> Iterator[Non
     except (FileNotFoundError, IsADirectoryError):
         raise InputError("no such log", file=path, hint="check the path") from None
     except kinds as e:
+        if isinstance(e, MemoryError):
+            raise
         reason = str(e) or type(e).__name__
         if not damage.read:
-            raise InputError(f"cannot be read: {reason}", file=path, hint=ENDS_IN) from None
+            hint = "check the path and your rights" if isinstance(e, OSError) and e.errno else ENDS_IN
+            raise InputError(f"cannot be read: {reason}", file=path, hint=hint) from None
         damage.stopped = reason
     if not damage.read:
         raise InputError("has not one readable frame", file=path, hint=ENDS_IN)

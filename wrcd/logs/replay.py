@@ -5,20 +5,18 @@ import io
 import sys
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from multiprocessing import get_context
 from pathlib import Path
 
 from wrcd.config.config import load_config
 from wrcd.core.core import Core
-from wrcd.core.counts import Counts
 from wrcd.core.messages import Outgoing
 from wrcd.errors import InputError, Status
 from wrcd.logs.exports import gathering_for
 from wrcd.logs.feed import WHOLE, Part, Selection, Survey, check_since, check_time, outgoing_of_log, survey
 from wrcd.logs.reader import LogReader
 from wrcd.logs.replay_outputs import SCREEN, Outputs, Writing, check_outputs
-from wrcd.recorder.resume import Saved, load, state_file
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,15 +43,13 @@ def replay(
     selection.check(config)
     gathered = gathering_for({"mf4": outputs.mf4, "mcap": outputs.mcap}, config)
     core = Core(config, observer=gathered)
-    saved = resume(core, log)
-    # a pipe cannot be read twice; a state may tell of an axle whose frames lie before the log
-    looked = survey(log, config, selection.channel) if log.is_file() or not log.exists() else Survey()
-    found = looked if saved is None else replace(looked, without_frame=frozenset())
+    # a pipe cannot be read twice
+    found = survey(log, config, selection.channel) if log.is_file() or not log.exists() else Survey()
     part = Part(selection, found, config)
     if part.end_us is not None and part.end_us <= found.first_us:
         check_time(log, selection, part)
     check_since(log, selection, found.first_us)
-    run = ReplayRun(log, core, saved, selection.channel)
+    run = ReplayRun(log, core, selection.channel)
     try:
         if gathered is not None:
             gathered.begin(core, part, log, found.first_us)
@@ -68,36 +64,21 @@ def replay(
     return run.status
 
 
-def resume(core: Core, log: Path) -> Saved | None:
-    """Put the state that lies beside a recorder's log into a core, and say so. Raises InputError if it does not fit."""
-    if not log.is_file() or not (path := state_file(log)).exists():
-        return None
-    saved = load(path, core)
-    print(f"wrcd: goes on from {path.name}", file=sys.stderr)
-    return saved
-
-
 class ReplayRun:
-    """One log through a core, and what is reported of it at the end. saved: the state that the core goes on from."""
+    """One log through a core, and what is reported of it at the end."""
 
-    def __init__(self, log: Path, core: Core, saved: Saved | None, channel: str | None) -> None:
-        self._log, self._core, self._saved = log, core, saved
-        self._before = Counts(core.counts.accepted, core.counts.rejected.copy(), ticks=core.counts.ticks)
+    def __init__(self, log: Path, core: Core, channel: str | None) -> None:
+        self._log, self._core = log, core
         self._reader = LogReader(log, channel, shows=True)
 
     def made(self, part: Part) -> Iterator[tuple[Outgoing, str]]:
         """What the core makes of the log, as far as it is needed for a part, and the channel."""
-        return outgoing_of_log(self._core, self._reader, self._saved, part.read)
-
-    @property
-    def accepted(self) -> int:
-        """Frames of the log that the core took."""
-        return self._core.counts.accepted - self._before.accepted
+        return outgoing_of_log(self._core, self._reader, part.read)
 
     @property
     def status(self) -> Status:
         """The exit status of a log that was read."""
-        if not self.accepted:
+        if not self._core.counts.accepted:
             return Status.NOT_THERE
         return Status.DONE if self._reader.whole else Status.STOPPED
 
@@ -106,27 +87,21 @@ class ReplayRun:
         for warning in self._warnings(found):
             print(f"wrcd: warning: {warning}", file=sys.stderr)
         read, counts = self._reader.damage.read, self._core.counts
-        if not self.accepted:
+        if not counts.accepted:
             print(
                 f"wrcd: error: {self._log}: none of its {read} frames is a usable input of this configuration",
                 file=sys.stderr,
             )
-        rejected = Counts(rejected=counts.rejected - self._before.rejected)
         print(
-            f"wrcd: {read} frames read, {self.accepted} accepted, rejected: {rejected.rejections}; "
-            f"{counts.ticks - self._before.ticks} ticks, {sent} frames made",
+            f"wrcd: {read} frames read, {counts.accepted} accepted, rejected: {counts.rejections}; "
+            f"{counts.ticks} ticks, {sent} frames made",
             file=sys.stderr,
         )
 
     def _warnings(self, found: Survey) -> Iterator[str]:
         yield from self._core.config.warnings
         yield from self._reader.warnings
-        if self._saved is not None and self._reader.damage.read != self._saved.lines:
-            yield (
-                f"{self._log}: has {self._reader.damage.read} frames, {self._saved.lines} when it was recorded: from "
-                "where they differ on, so may what is made of them"
-            )
-        if self.accepted and found.without_frame:
+        if self._core.counts.accepted and found.without_frame:
             axles = ", ".join(map(str, sorted(found.without_frame)))
             yield f"{self._log}: has no frame of axle {axles}; no rows of it"
 

@@ -31,7 +31,6 @@ from wrcd.logs.story_events import NewChanges
 from wrcd.logs.story_records import AdhesionRecord, Detail, Story, StoryAxle, TruthRecord
 from wrcd.logs.time_order import Onward
 from wrcd.progress import Progress
-from wrcd.recorder.resume import load, state_file
 
 SENT, ESTIMATED = "frames of the log", "estimated here"
 MAX_PART_MISSING = 0.01  # of a log, without wrcd's frames, before it is reported
@@ -105,10 +104,7 @@ def estimate(
         message_key(find_message(config.database, a.adhesion.message)): (place, answers[a.number])
         for place, a in enumerate(config.axles)
     }
-    # it goes on from the state that lies beside a recorder's log
-    saved = load(state_file(log), core) if state_file(log).exists() else None
-    before = core.counts.accepted
-    for number, (o, _) in enumerate(outgoing_of_log(core, reader, saved)):
+    for number, (o, _) in enumerate(outgoing_of_log(core, reader)):
         stamp_us = gathering.put(onward.moved((o.frame, channel or "")))
         if (found := of_message.get(o.frame.key)) is not None:
             found[1].put(stamp_us, o.why, found[0], o.cause)
@@ -117,9 +113,7 @@ def estimate(
             reached(o.frame.stamp_us + onward.correction_us)
     changes += [_onward(c, onward) for c in new_changes.take()]
     counts = core.counts
-    return Estimated(
-        gathering.done(log), tuple(changes), counts.accepted - before, dict(counts.rejected_by_message), answers
-    )
+    return Estimated(gathering.done(log), tuple(changes), counts.accepted, dict(counts.rejected_by_message), answers)
 
 
 def _onward(change: Change, onward: Onward) -> Change:

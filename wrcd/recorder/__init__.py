@@ -1,1 +1,1 @@
-"""The flight recorder: ring, state and its file, the process that writes a dump."""
+"""The flight recorder: a ring of frames, and the process that writes a dump of it."""

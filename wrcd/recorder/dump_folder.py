@@ -5,20 +5,12 @@ import os
 import re
 import stat
 import time
+from collections.abc import Iterable
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 
-LOG, STATE, EVENTS = ".log", ".state.json", ".events.csv"
-_NAME = re.compile(r"(wrcd-.+-\d{8}T\d{6}Z-[a-z]+)(\.log|\.state\.json|\.events\.csv)")
-
-
-@dataclass(frozen=True, slots=True)
-class Bound:
-    """How much a folder of dumps may hold: dumps (a log with its state and its events is one) and bytes."""
-
-    dumps: int
-    size: int
+LOG, EVENTS = ".log", ".events.csv"
+_NAME = re.compile(r"(wrcd-.+-\d{8}T\d{6}Z-[a-z]+)\.[a-z.]+")  # whatever a version has beside its log
 
 
 def dump_name(channel: str, now_us: int, trigger: str) -> str:
@@ -32,78 +24,54 @@ def safe_channel_name(channel: str) -> str:
     return re.sub(r"[^A-Za-z0-9_.]", "_", channel)[:40] or "can"
 
 
-def write_dump(folder: Path, name: str, log: bytes, state: bytes, events: bytes, bound: Bound) -> None:
-    """Write name.log, name.state.json and name.events.csv, and remove the oldest dumps beyond the bound, before and
-    after. Raises OSError; then there is no log."""
+def write_dump(folder: Path, name: str, log: Iterable[bytes], events: bytes, max_dumps: int, max_bytes: int) -> None:
+    """Write name.log and name.events.csv, and remove the oldest dumps beyond so many and so many bytes. Raises OSError;
+    then there is neither."""
     with suppress(FileExistsError):
         folder.mkdir(mode=0o700)
-    at = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    # what a killed process of this channel's has left
+    channel = name[: name.rindex("-", 0, name.rindex("-")) + 1]
+    for left in folder.glob(f".{channel}*.part"):
+        left.unlink()
+    parts = {suffix: folder / f".{name}{suffix}.part" for suffix in (EVENTS, LOG)}
     try:
-        _remove_left_over(at, name)
-        size = len(log) + len(state) + len(events)
-        if size > bound.size:
-            raise OSError(errno.EFBIG, os.strerror(errno.EFBIG))
-        _prune(at, Bound(bound.dumps - 1, bound.size - size))
-        temporaries = {suffix: f".{name}{suffix}.part" for suffix in (STATE, EVENTS, LOG)}
-        try:
-            write_new(at, temporaries[STATE], state)
-            write_new(at, temporaries[EVENTS], events)
-            write_new(at, temporaries[LOG], log)
-            for suffix, temporary in temporaries.items():  # the log last: where it is, the others are
-                os.rename(temporary, name + suffix, src_dir_fd=at, dst_dir_fd=at)
-        except BaseException:
-            for left in temporaries.values():
-                with suppress(OSError):
-                    os.unlink(left, dir_fd=at)
-            raise
-        _prune(at, bound, keep=name)
-        os.fsync(at)
-    finally:
-        os.close(at)
+        size = _write(parts[LOG], log, max_bytes)
+        size += _write(parts[EVENTS], (events,), max_bytes - size)
+        _prune(folder, max_dumps - 1, max_bytes - size)
+        for suffix, part in parts.items():  # the log last: where it is, the events are
+            part.replace(folder / (name + suffix))
+    except BaseException:
+        for part in parts.values():
+            part.unlink(missing_ok=True)
+        raise
 
 
-def write_new(at: int, name: str, data: bytes) -> None:
-    """A file that was not there before, in an open folder, and on the disk. Raises OSError."""
+def _write(path: Path, chunks: Iterable[bytes], max_bytes: int) -> int:
+    """A file that was not there before, on the disk; its size. Raises OSError."""
+    size = 0
     # O_EXCL: whatever is there under this name, a link too, is not written to
-    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
-    fd = os.open(name, flags, 0o600, dir_fd=at)
-    try:
-        rest = memoryview(data)
-        while rest:
-            rest = rest[os.write(fd, rest[: 1 << 20]) :]
+    fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
+    with os.fdopen(fd, "wb") as f:
+        for chunk in chunks:
+            size += len(chunk)
+            if size > max_bytes:
+                raise OSError(errno.EFBIG, os.strerror(errno.EFBIG))
+            f.write(chunk)
+        f.flush()
         os.fsync(fd)
-    finally:
-        os.close(fd)
+    return size
 
 
-def _remove_left_over(at: int, name: str) -> None:
-    """What a killed child of this channel's left behind, or somebody put there."""
-    mine = "." + name[: name.rindex("-", 0, name.rindex("-")) + 1]
-    for left in os.listdir(at):
-        if left.startswith(mine) and left.endswith(".part"):
-            with suppress(OSError):
-                os.unlink(left, dir_fd=at)
-
-
-def _prune(at: int, bound: Bound, keep: str = "") -> None:
+def _prune(folder: Path, max_dumps: int, max_bytes: int) -> None:
     """Remove the oldest dumps until the rest fits. Only regular files of dumps' names count."""
-    found: dict[str, list[os.stat_result]] = {}
-    for file in os.listdir(at):
-        if match := _NAME.fullmatch(file):
-            with suppress(FileNotFoundError):
-                status = os.stat(file, dir_fd=at, follow_symlinks=False)
-                if stat.S_ISREG(status.st_mode):
-                    found.setdefault(match[1], []).append(status)
-    # those of an ordinary end before those of a trouble: a daemon that ends again and again must not push these out
-    oldest_first = sorted(
-        found,
-        key=lambda name: (name == keep, not name.endswith("-exit"), min(s.st_mtime_ns for s in found[name]), name),
-    )
-    count, size = len(found), sum(s.st_size for group in found.values() for s in group)
-    for name in oldest_first:
-        if (count <= bound.dumps and size <= bound.size) or name == keep:
+    found: dict[str, dict[Path, os.stat_result]] = {}
+    for file in folder.iterdir():
+        if (match := _NAME.fullmatch(file.name)) and stat.S_ISREG((status := file.lstat()).st_mode):
+            found.setdefault(match[1], {})[file] = status
+    count, size = len(found), sum(s.st_size for files in found.values() for s in files.values())
+    for _, files in sorted(found.items(), key=lambda item: (min(s.st_mtime_ns for s in item[1].values()), item[0])):
+        if count <= max_dumps and size <= max_bytes:
             break
-        for suffix in (LOG, STATE, EVENTS):  # no log without its state
-            with suppress(FileNotFoundError):
-                os.unlink(name + suffix, dir_fd=at)
-        count, size = count - 1, size - sum(s.st_size for s in found[name])
+        for file in files:
+            file.unlink(missing_ok=True)
+        count, size = count - 1, size - sum(s.st_size for s in files.values())

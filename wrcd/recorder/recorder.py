@@ -1,113 +1,82 @@
-"""The flight recorder: the last minute of frames in memory, written to a folder when something went wrong.
+"""The flight recorder: the last frames in memory, written to a folder when Validity was lost, or somebody asks.
 
-Beside the frames it keeps what the estimate had from before them: a snapshot of the core every few seconds. A dump
-begins at the oldest snapshot whose frames are all still there, so that `wrcd replay` of it gives the very bytes that
-were sent.
+A dump is a log like any other. Its replay begins with nothing of what the daemon's estimate had from before, and makes
+the daemon's own frames when that is forgotten: after PRE_ROLL_S.
 """
 
 import math
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
 
 from wrcd.bus.batch import FrameBatch
 from wrcd.bus.frame import Frame
 from wrcd.core.causes import Validity
 from wrcd.core.configuration import RecorderConfig
 from wrcd.core.core import Core
-from wrcd.core.counts import Health
-from wrcd.core.events import COLUMNS, MAX_KEPT, csv_line
+from wrcd.core.events import COLUMNS, MAX_KEPT, csv_line, csv_time
 from wrcd.core.messages import Report
-from wrcd.recorder.dump_folder import Bound, dump_name, safe_channel_name
-from wrcd.recorder.resume import identity
-from wrcd.recorder.ring import ADVANCED, CLASSICAL_BYTES, FD_BYTES, HEALTH, RECEIVED, SENT, Ring
-from wrcd.recorder.state import capture, encode
+from wrcd.recorder.dump_folder import LOG, dump_name, safe_channel_name
+from wrcd.recorder.ring import CLASSICAL_BYTES, FD_BYTES, RECEIVED, SENT, Ring
 from wrcd.recorder.writer import Child, Request, start
 
+# Of 130 simulated logs that were begun anew, 0.3 % of the Adhesion frames after it have other bytes with multiple-unit,
+# none of a sound ride; docs/how-to/read-a-recorder-dump.md has the figures by kind.
+PRE_ROLL_S = 60.0
+EQUAL = "from here on a replay of the log makes what was sent"
 LOST_SLOTS = 5  # in a row without Valid: less is a hiccup
-COLLAPSED_PCT = 15.0
-COLLAPSED_SHARE = 0.5  # of what it was
-REMEMBERED_US = 1_000_000
 
 
-class Triggers:
-    """Watches every axle, each with a slot of its own. Give it each slot's reports once."""
+class LossOfValidity:
+    """Watches every axle; slots_us: the cycle of its Adhesion frame."""
 
     def __init__(self, slots_us: Sequence[int]) -> None:
+        self._after_us = [LOST_SLOTS * slot_us for slot_us in slots_us]
         self._was_valid = [False] * len(slots_us)
-        self._lost = [0] * len(slots_us)  # slots in a row that were not Valid
-        # percent, 0 where it was not Valid
-        self._mu: list[deque[float]] = [deque([0.0], max(1, REMEMBERED_US // slot_us)) for slot_us in slots_us]
+        self._since_us: list[int | None] = [None] * len(slots_us)
 
-    def look(self, reports: Sequence[Report], below_min_speed: bool, axles: Sequence[int]) -> str:
-        """ "validity" or "collapse" in the slot where it shows, else nothing. axles: whose slot it is. A train that
-        stands is not Valid by right; one that is about to stand has lost nothing."""
-        lost = collapsed = False
-        for axle in axles:
-            report = reports[axle]
+    def look(self, reports: Sequence[Report], below_min_speed: bool, now_us: int) -> bool:
+        """Whether an axle has just lost it for good. A train that stands is not Valid by right; one that is about to
+        stand, or has a window of too little track, has lost nothing."""
+        lost = False
+        for axle, report in enumerate(reports):
             valid = report.validity is Validity.VALID
-            if not report.short:
-                lost |= self._loses(axle, valid, below_min_speed)
-            mu = (report.mu_available_pct or 0.0) if valid else 0.0
-            before = self._mu[axle]
-            collapsed |= valid and mu < min(COLLAPSED_PCT, COLLAPSED_SHARE * max(before))
-            before.append(mu)
-        return "validity" if lost else "collapse" if collapsed else ""
-
-    def _loses(self, axle: int, valid: bool, below_min_speed: bool) -> bool:
-        if valid or below_min_speed:
-            self._was_valid[axle], self._lost[axle] = valid, 0
-            return False
-        self._lost[axle] += self._was_valid[axle]
-        if self._lost[axle] < LOST_SLOTS:
-            return False
-        self._was_valid[axle], self._lost[axle] = False, 0
-        return True
+            if valid or below_min_speed:
+                self._was_valid[axle], self._since_us[axle] = valid, None
+            elif self._was_valid[axle] and not report.short:
+                since_us = self._since_us[axle]
+                if since_us is None:
+                    self._since_us[axle] = now_us
+                elif not 0 <= now_us - since_us < self._after_us[axle]:
+                    self._was_valid[axle], lost = False, True
+        return lost
 
 
 # That the ring has room for. An axle of the packaged DBC makes 570 of them; a full bus of 500 kbit/s carries about 4000
 # of eight bytes, one of 1 Mbit/s twice as many.
 FRAMES_PER_S, AXLE_FRAMES_PER_S = 4000, 1000
-SNAPSHOTS = 6  # within the ring's time
 SPARE_SHARE = 0.1  # of the ring, may be overwritten before the process that writes a dump has copied it
 POST_TRIGGER_US = 2_000_000  # is in the dump, too
 HOLD_OFF_US = 30_000_000  # between two dumps that nobody asked for
-EXIT_S = 3.0  # for the last dump; less than systemd's patience
-
-
-@dataclass(frozen=True, slots=True)
-class Snapshot:
-    """The core as it was when the ring's end was at position."""
-
-    position: int
-    at_us: int
-    core: dict[str, Any]
+EXIT_S = 3.0  # for a dump that is due when the daemon ends; less than systemd's patience
 
 
 class Recorder:
-    """Told by the loop of all that comes, goes and happens; turn() between turns, when the core has all of it."""
+    """Told by the loop of all that comes and goes; turn() between turns, when the core has all of it."""
 
     def __init__(self, config: RecorderConfig, core: Core, channel: str, write: Callable[[str], None]) -> None:
         if config.folder is None:
             raise ValueError("a recorder needs a folder")
-        self._folder, self._core, self._write = config.folder, core, write
-        self._bound = Bound(config.max_files, round(config.max_mb * 1e6))
+        self._folder, self._config, self._core, self._write = config.folder, config, core, write
         self._channel = safe_channel_name(channel)
-        self._every_us = max(1, round(config.seconds * 1e6 / SNAPSHOTS))
-        # dumps are of config.seconds at least: the oldest snapshot is up to one interval older than that
         frames_per_s = max(FRAMES_PER_S, AXLE_FRAMES_PER_S * len(core.config.axles))
         data_bytes = FD_BYTES if core.receiver.fd else CLASSICAL_BYTES
-        self._ring = Ring(math.ceil(config.seconds * (1 + 1 / SNAPSHOTS) * frames_per_s), data_bytes)
-        self._snapshots: deque[Snapshot] = deque(maxlen=SNAPSHOTS + 1)
-        self._health = _copied(core.health)
-        self._healths: deque[tuple[int, dict[str, Any]]] = deque()  # by position, from the oldest snapshot on: changes
+        self._ring = Ring(math.ceil(config.seconds * (1 + SPARE_SHARE) * frames_per_s), data_bytes)
         self._changes: deque[tuple[int, str]] = deque(maxlen=MAX_KEPT)  # of Validity, by position as rows
         self._changes_told = core.events.total
-        self._fits = identity(core.config)
-        self._triggers = Triggers([axle.adhesion.cycle_us for axle in core.config.axles])
-        core.take_reports()  # from now on it is kept
+        self._seconds = deque([0], math.ceil(config.seconds) + 1)  # where in the ring each of the last ones began
+        self._second_us: int | None = None  # when the newest of them did
+        self._loss = LossOfValidity([axle.adhesion.cycle_us for axle in core.config.axles])
         self._asked = False
         self._pending: tuple[str, int] | None = None  # trigger and its time, while the aftermath is awaited
         self._last_us: int | None = None  # of the newest dump that nobody asked for
@@ -116,17 +85,12 @@ class Recorder:
         self._said = ""
 
     def received(self, frames: FrameBatch | Sequence[Frame]) -> None:
-        """What the link handed over in this turn, before it is fed."""
-        self._note_health()  # the link may have learnt of losses on the way
+        """What is fed to the core, before it is."""
         self._ring.put_frames(RECEIVED, frames)
 
     def sent(self, frame: Frame) -> None:
         """A frame that went out."""
         self._ring.put_frame(SENT, frame)
-
-    def advanced(self, now_us: int) -> None:
-        """Time has come to now_us without a frame."""
-        self._ring.put(ADVANCED, now_us)
 
     def ask(self) -> None:
         """A person wants a dump."""
@@ -135,122 +99,76 @@ class Recorder:
     def turn(self, now_us: int) -> None:
         """A turn of the loop is over."""
         core = self._core
-        self._note_health()
+        if self._second_us is None:
+            self._second_us = now_us
+        elif not 0 <= now_us - self._second_us < 1_000_000:
+            self._seconds.append(self._ring.end)
+            self._second_us = now_us
         if core.events.total != self._changes_told:
-            self._note_changes()
-        self._snapshot(now_us)
-        for slot in core.take_reports():
-            found = self._triggers.look(slot.reports, slot.below_min_speed, slot.adhesion)
-            if found and self._pending is None and self._hold_off_over(now_us):
-                self._pending, self._last_us = (found, now_us), now_us
+            self._changes.extend((self._ring.end, c.csv_line) for c in core.events.since(self._changes_told))
+            self._changes_told = core.events.total
+        if self._loss.look(core.reports, core.below_min_speed, now_us):
+            # a clock that has stepped back holds nothing up
+            held_off = self._last_us is not None and 0 <= now_us - self._last_us < HOLD_OFF_US
+            if self._pending is None and not held_off:
+                self._pending, self._last_us = ("validity", now_us), now_us
         if self._asked and self._pending is None:
             self._asked, self._pending = False, ("asked", now_us)
         self.reap()
         if self._pending and self._child is None and not 0 <= now_us - self._pending[1] < POST_TRIGGER_US:
-            name, self._pending = dump_name(self._channel, self._pending[1], self._pending[0]), None
-            self._dump(name)
+            self._dump()
 
-    def _note_health(self) -> None:
-        """What the core reports of the loop and the link does not come from frames: a replay needs it."""
-        health = self._core.health
-        if health != self._health:
-            self._health = _copied(health)
-            self._healths.append((self._ring.end, capture(health)))
-            self._ring.put(HEALTH, 0)
-
-    def _note_changes(self) -> None:
-        """Changes of Validity, behind the record that made them."""
-        events = self._core.events
-        self._changes.extend((self._ring.end, change.csv_line) for change in events.since(self._changes_told))
-        self._changes_told = events.total
-
-    def _hold_off_over(self, now_us: int) -> bool:
-        # a clock that has stepped back holds nothing up
-        return self._last_us is None or not 0 <= now_us - self._last_us < HOLD_OFF_US
-
-    def _snapshot(self, now_us: int) -> None:
-        ring, kept = self._ring, self._snapshots
-        # by the ring's filling, too, so that the newest is never overwritten by a bus that carries more than it can
-        if kept and 0 <= now_us - kept[-1].at_us < self._every_us and (
-            ring.end - kept[-1].position < ring.records // (SNAPSHOTS + 1)
-        ):  # fmt: skip
+    def _dump(self) -> None:
+        """Have written what is pending."""
+        assert self._pending is not None
+        ring, config, (trigger, at_us) = self._ring, self._config, self._pending
+        self._name, self._pending = dump_name(self._channel, at_us, trigger), None
+        first = max(self._seconds[0], ring.end - round(ring.records / (1 + SPARE_SHARE)))
+        if first == ring.end:  # not one frame
             return
-        self._core.settle()
-        kept.append(Snapshot(ring.end, now_us, capture(self._core)))
-        while len(kept) > 1 and not ring.holds(kept[0].position):
-            kept.popleft()
-        while self._healths and self._healths[0][0] < kept[0].position:
-            self._healths.popleft()
-        while self._changes and self._changes[0][0] <= kept[0].position:
-            self._changes.popleft()
-
-    def _dump(self, name: str, urgent: bool = False) -> None:
-        ring, self._name = self._ring, name
-        spare = round(SPARE_SHARE * ring.records)
-        first = next((s for s in self._snapshots if ring.holds(s.position, spare)), None)
-        if first is None:  # not one turn
-            return
+        # what begins with the daemon itself has forgotten nothing
+        equal_us = ring.stamp_us(first) + (round(PRE_ROLL_S * 1e6) if first else 0)
+        rows = [csv_line(COLUMNS), csv_line((csv_time(equal_us), "", "", "", "", EQUAL))]
         request = Request(
             folder=str(self._folder),
-            name=name,
+            name=self._name,
             channel=self._channel,
-            position=first.position,
+            first=first,
             end=ring.end,
             data_bytes=ring.data_bytes,
-            fits=self._fits,
-            core=encode(first.core),
-            healths=[(position, health) for position, health in self._healths if position >= first.position],
-            max_dumps=self._bound.dumps,
-            max_bytes=self._bound.size,
-            changes=csv_line(COLUMNS) + "".join(row for position, row in self._changes if position > first.position),
-            urgent=urgent,
+            events="".join((*rows, *(row for position, row in self._changes if position > first))),
+            max_dumps=config.max_files,
+            max_bytes=round(config.max_mb * 1e6),
         )
         try:
             self._child = start(ring, request)
         except OSError as e:
             self._report(f"no process to write it: {e.strerror}")
 
-    @property
-    def pending_trigger(self) -> str | None:
-        """The trigger whose dump waits for the frames after it, or None."""
-        return self._pending and self._pending[0]
-
-    @property
-    def is_writing(self) -> bool:
-        """Whether a process writes a dump."""
-        return self._child is not None
-
     def reap(self) -> None:
         """Log the result of a dump whose process has ended."""
         if self._child is not None and (failed := self._child.finished()) is not None:
-            self._child = None
             self._report(failed)
 
     def _report(self, failed: str) -> None:
         """One line for each dump, and one for a trouble however often it comes."""
         if failed != self._said or not failed:
-            where = self._folder / (self._name + ".log")
+            where = self._folder / (self._name + LOG)
             self._write(f"recorder: {where} not written: {failed}" if failed else f"recorded {where}")
-        self._said = failed
+        self._said, self._child = failed, None
 
-    def close(self, now_us: int, alive: Callable[[], None] = lambda: None) -> None:
-        """The daemon ends: a last dump, within EXIT_S. alive is called while it is written.
-
-        A process writes this one, too: a disk that hangs could not be left alone otherwise.
-        """
+    def close(self, now_us: int) -> None:
+        """The daemon ends: what is asked for or begun is written now, within EXIT_S."""
+        if self._asked and self._pending is None:
+            self._pending = ("asked", now_us)
         end = time.monotonic() + EXIT_S
         if self._child is not None:
-            self._report(self._child.wait(EXIT_S / 2, alive))
-            self._child = None
-        self._dump(dump_name(self._channel, now_us, "exit"), urgent=True)
-        if self._child is not None:
-            self._report(self._child.wait(end - time.monotonic(), alive))
-            self._child = None
+            self._report(self._child.wait(EXIT_S / 2))
+        if self._pending is not None:
+            self._dump()
+            if self._child is not None:
+                self._report(self._child.wait(end - time.monotonic()))
         self._ring.close()
-
-
-def _copied(health: Health) -> Health:
-    return replace(health, link=replace(health.link))
 
 
 def make_recorder(core: Core, channel: str, write: Callable[[str], None]) -> Recorder | None:

@@ -100,7 +100,7 @@ class Daemon:
                 out += self._bridge(frame.stamp_us, stood_us) + self._feed([frame])
         self._silent = self._silent_ticks(now, found=counts.seen > before)
         if self._silent >= SILENT_TICKS:
-            out += self._bridge(now - SETTLE_US, stood_us) + self._advance(now - SETTLE_US)
+            out += self._bridge(now - SETTLE_US, stood_us) + self.core.advance(now - SETTLE_US)
         self._note_time(now, steady_us)
         self._send(out)
         self._look_after(now, in_time=counts.ticks > ticks and self._in_time())
@@ -122,18 +122,13 @@ class Daemon:
             return self.core.feed_batch(frames)
         return [o for frame in frames for o in self.core.feed(frame)]
 
-    def _advance(self, now_us: int) -> list[Outgoing]:
-        if self._recorder is not None:
-            self._recorder.advanced(now_us)
-        return self.core.advance(now_us)
-
     def _bridge(self, until_us: int, stood_us: int) -> list[Outgoing]:
         """Where the core is behind because the loop stood still, take it through that time: no step of time."""
         out: list[Outgoing] = []
         at_us = self.core.time_us
         if at_us is not None and until_us - at_us <= min(stood_us, MAX_STALL_US) + FORWARD_STEP_US:
             for moment_us in range(at_us + FORWARD_STEP_US, until_us, FORWARD_STEP_US):
-                out += self._advance(moment_us)
+                out += self.core.advance(moment_us)
         return out
 
     def _note_time(self, now_us: int, steady_us: int) -> None:
@@ -191,9 +186,7 @@ class Daemon:
         # what is older than a window and a bit would have left it again
         since = self._clock() - round(1.25e6 * self.core.config.design.window_s)
         while frames := self.link.receive(self._clock()):
-            for frame in frames:
-                if frame.stamp_us >= since:
-                    self.core.feed(frame)
+            self._feed([frame for frame in frames if frame.stamp_us >= since])
             if self._clock() - frames[-1].stamp_us < 2 * self._period_us:
                 break
         self.core.muted = False
@@ -202,7 +195,7 @@ class Daemon:
 
     def run(self) -> None:
         """Until SIGTERM, SIGINT or SIGHUP. However it ends, an exception included, the last frames say NotAvailable,
-        and it is off the bus before the recorder's dump is written: that takes seconds."""
+        and it is off the bus before the recorder writes what is pending: that takes seconds."""
         for s in (signal.SIGTERM, signal.SIGINT, signal.SIGUSR1):
             signal.signal(s, self.on_signal)
         if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:  # nohup: it outlives its terminal
@@ -215,7 +208,7 @@ class Daemon:
                 self._leave()
             finally:
                 if self._recorder is not None:
-                    self._recorder.close(self._clock(), lambda: self._notifier.notify("WATCHDOG=1"))
+                    self._recorder.close(self._clock())
 
     def _go_on(self) -> None:
         # what the start has left is not looked through again and again for garbage

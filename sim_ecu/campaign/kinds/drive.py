@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, replace
-from typing import Any, NamedTuple
+from typing import Any, TypeAlias
 
 from sim_ecu.campaign.kind import Factor, Kind, Scalar
 from sim_ecu.campaign.kinds import given
@@ -23,11 +23,9 @@ from wrcd.errors import InputError
 
 NONE, THRESHOLDS = "none", "thresholds"
 FACTORS = (
-    *given.COMMON,
-    Factor("controller", str, choices=(NONE, THRESHOLDS)),
-    *(Factor(name, bool) for name in ("with_adhesion", "daemon")),
-    *(Factor(name, int) for name in ("phase_us", "delay_us")),
-)
+    *given.COMMON, Factor("controller", str, choices=(NONE, THRESHOLDS)), Factor("with_adhesion", bool),
+    Factor("daemon", bool), Factor("phase_us", int), Factor("delay_us", int),
+)  # fmt: skip
 HONEST = ("valid", "outside", "outside_s", "over_s")  # of wrcd's frames; NaN without
 NUMBERS = ("locked_s", "max_slip_m_s", "slip_energy_kJ", "beyond_kJ", "utilisation", "impulse_kNs", "stop_m",
            "distance_m", "time_s")  # fmt: skip
@@ -35,16 +33,7 @@ FIGURES = {
     "beyond_s": float, "slides": int, **dict.fromkeys(NUMBERS, float), "stopped": bool,
     **dict.fromkeys(HONEST, float),
 }  # fmt: skip
-
-
-class _DriveRequest(NamedTuple):
-    """What the inputs ask for. config: None without a daemon."""
-
-    scenario: DriveScenario
-    controller: TrainController
-    config: Config | None
-    train: Train
-    timing: Timing
+_DriveRequest: TypeAlias = tuple[DriveScenario, TrainController, Config | None, Train, Timing]  # None: no daemon
 
 
 def _request(inputs: Mapping[str, Any]) -> _DriveRequest:
@@ -67,29 +56,29 @@ def _request(inputs: Mapping[str, Any]) -> _DriveRequest:
     at_work(scenario.train.faults, scenario.axles, scenario.train.axles[0].seed, train)
     train.encoder(scenario.axles, truth=False)
     made = make_controller(controller, Facts.of(scenario), config if with_adhesion else None)
-    return _DriveRequest(scenario, made, config, train, timing)
+    return scenario, made, config, train, timing
 
 
 def figures(inputs: Mapping[str, Any]) -> Mapping[str, Scalar]:
     """Drive the run of a job, and judge it."""
-    r = _request(inputs)
-    recorder = None if r.config is None else TrainFrames(r.scenario.axles, r.config)
+    scenario, controller, config, train, timing = _request(inputs)
+    recorder = None if config is None else TrainFrames(scenario.axles, config)
     listener = None if recorder is None else recorder.keep
-    steps = list(Lockstep(r.scenario, r.controller, r.config, listener, train=r.train, timing=r.timing))
-    f = judge(steps, r.scenario)
+    steps = list(Lockstep(scenario, controller, config, listener, train=train, timing=timing))
+    f = judge(steps, scenario)
     out = asdict(f) | {"distance_m": f.stop_m, "stop_m": f.stop_m if f.stopped else math.nan}
     out |= dict.fromkeys(HONEST, math.nan)
     if recorder is not None:
         found = honesty(adhesion_series(recorder.adhesion), steps)
         values = {name: [getattr(h, name) for h in found] for name in HONEST}
         out |= {name: max(v) if name.endswith("_s") else sum(v) / len(v) for name, v in values.items()}
-    if max(r.scenario.driver.values, key=abs) < 0.0:  # it brakes: a stop needs what it needs
+    if max(scenario.driver.values, key=abs) < 0.0:  # it brakes: a stop needs what it needs
         out["impulse_kNs"] = math.nan
     return out | {"time_s": out.pop("seconds")}
 
 
 def _check(inputs: Mapping[str, Any]) -> float:
-    train = _request(inputs).scenario.train
+    train = _request(inputs)[0].train
     return train.duration_s * len(train.axles)
 
 

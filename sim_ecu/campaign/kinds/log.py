@@ -53,26 +53,22 @@ def figures(inputs: Mapping[str, Any]) -> Mapping[str, Scalar]:
     numbers = [a.number for a in story.axles]
     detail = {
         "axles": [{"axle": number, "metres": p["way"]} for number, p in zip(numbers, parts, strict=True)],
-        "without_frame": [a.number for a in config.axles if a.number not in numbers], "suspects": suspects,
-        "warnings": story.warnings,
+        "without_frame": [a.number for a in config.axles if a.number not in numbers],
+        "suspects": suspects, "warnings": story.warnings,
     }  # fmt: skip
     return {
-        "begin_s": story.begin_us / 1e6,
-        "hours": max(p["seconds"] for p in parts) / 3600,
+        "begin_s": story.begin_us / 1e6, "hours": max(p["seconds"] for p in parts) / 3600,
         "km": max(sum(p[f"km_{c}"] for c in CLASSES) for p in parts),
         "axles": len(parts),
         "read": sum(m.frames for m in story.bus.messages) + len(story.bus.error_frames),
-        "accepted": story.accepted,
-        "refused": sum(story.refused.values()),
+        "accepted": story.accepted, "refused": sum(story.refused.values()),
         "restarts": sum(e.cause is Cause.RESTARTED for a in story.axles for e in a.events),
-        "clock_steps": len(story.clock_steps),
-        "whole": story.whole,
-        "suspects": len(suspects),
+        "clock_steps": len(story.clock_steps), "whole": story.whole, "suspects": len(suspects),
         "worst_s": max((s["seconds"] for s in suspects), default=0.0),
         **{name: sum(p[name] for p in parts) / seconds for name in (*SHARES.values(), *CAUSES.values())},
         **{name: sum(p[name] for p in parts) for c in CLASSES for name in (f"km_{c}", f"hours_{c}")},
         "detail": json.dumps(detail, separators=(",", ":")),
-    }
+    }  # fmt: skip
 
 
 def _part(story: Story, axle: StoryAxle) -> dict[str, Any]:
@@ -94,8 +90,7 @@ def _part(story: Story, axle: StoryAxle) -> dict[str, Any]:
         "seconds": len(a) * cycle_s, "way": way.round(1).tolist(),
         **{name: float((a.validity == VALIDITIES.index(v)).sum()) * cycle_s for v, name in SHARES.items()},
         **{name: sum(e.duration_s for e in axle.events if e.cause is c) for c, name in CAUSES.items()},
-        **{f"hours_{c}": float(hours[k]) for k, c in enumerate(CLASSES)},
-        **{f"km_{c}": float(km[k]) for k, c in enumerate(CLASSES)},
+        **{f"{of}_{c}": float(v[k]) for of, v in (("hours", hours), ("km", km)) for k, c in enumerate(CLASSES)},
     }  # fmt: skip
 
 

@@ -24,12 +24,9 @@ from wrcd.resources import DEFAULT_DESIGN
 
 KEPT = 2 * len(SUITES)  # that a process keeps: all suites of two designs or lots
 FACTORS = (
-    Factor("suite", str, needed=True, choices=SUITES),
-    Factor("group", str),
-    Factor("run", int),
-    Factor("design", str, is_file=True, packaged=True),
-    Factor("lot", int),
-)
+    Factor("suite", str, needed=True, choices=SUITES), Factor("group", str), Factor("run", int),
+    Factor("design", str, is_file=True, packaged=True), Factor("lot", int),
+)  # fmt: skip
 
 
 def suite_of(inputs: Mapping[str, Any]) -> Mapping[str, Sequence[Run]]:

@@ -3,44 +3,12 @@
 import random
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 from tests.support.daemon_frames import GOOD, START_US, DaemonFrames
-from wrcd.bus.codec import Value, Writer
-from wrcd.bus.dbc import find_message, find_signal
+from wrcd.bus.codec import Value
+from wrcd.bus.dbc import find_message
 from wrcd.bus.frame import Frame
 from wrcd.core.configuration import Config
-from wrcd.kit.vectors import SAID
-
-
-def made(config: Config, seconds: float, seed: int) -> list[Frame]:
-    """What every axle's Adhesion may say, one after another, mostly Valid; by stamp."""
-    rng, frames, out = random.Random(seed), DaemonFrames(config), []
-    for place, axle in enumerate(config.axles):
-        for at_us in range(0, round(seconds * 1e6), axle.adhesion.cycle_us):
-            values: dict[str, Value] = {**GOOD, "MuAvailable": rng.uniform(0, 110), "MuUsed": rng.uniform(0, 105)}
-            if rng.random() < 0.05:
-                values |= {"MuAvailable": 61.04}  # a raw value with a word
-            if rng.random() < 0.5:
-                values |= rng.choice(SAID)[1]
-            if values["Validity"] == "Error":
-                values["Validity"] = "NotAvailable"
-            f = frames.adhesion(at_us, values, place)
-            out.append(f if rng.random() < 0.8 else _with_any_number(config, place, f, rng))
-    return sorted(out, key=lambda f: f.stamp_us)
-
-
-def _with_any_number(config: Config, place: int, f: Frame, rng: random.Random) -> Frame:
-    """One number of a frame as no daemon says it: any of its raw values."""
-    output = config.axles[place].adhesion
-    message = find_message(config.database, output.message)
-    raws: Any = message.decode(f.data, decode_choices=False, scaling=False)
-    name = output.signals[rng.choice([n for n in ("MuAvailable", "MuUsed", "SampleAge") if n in output.signals])].name
-    s = find_signal(message, name)
-    first = -(1 << s.length - 1) if s.is_signed else 0
-    raws[name] = first + rng.randrange(1 << s.length)
-    slot = (f.stamp_us - START_US) // output.cycle_us
-    return Writer(message, output).raw_frame(f.stamp_us, slot, raws)
 
 
 def counted(config: Config, number: int, seed: int) -> list[Frame]:

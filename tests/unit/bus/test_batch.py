@@ -6,9 +6,9 @@ from itertools import islice
 
 import pytest
 
-from tests.bench.on_pair import PairLink
-from tests.bench.workload import frames
 from tests.support.can_ids import ADHESION_A1, YAW_RATE_A1
+from tests.support.socket_pair import PairLink
+from tests.support.stretch import frames
 from wrcd.bus import socketcan
 from wrcd.bus.batch import FrameBatch, word_of
 from wrcd.bus.frame import Frame

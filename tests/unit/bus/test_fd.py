@@ -8,8 +8,8 @@ import can
 import e2e.p11
 import pytest
 
-from tests.bench.on_pair import PairLink, pair
 from tests.support.dbc import database
+from tests.support.socket_pair import PairLink, pair
 from wrcd.bus.candump import format_line
 from wrcd.bus.codec import Receiver, Sample
 from wrcd.bus.dbc import find_message

@@ -12,7 +12,6 @@ from tests.support.can_ids import ADHESION_A1, EXTENDED, EXTENDED_KEY, YAW_RATE_
 from wrcd.bus.frame import Frame
 from wrcd.bus.link import MAX_FRAMES
 from wrcd.bus.pythoncan import PythonCanLink
-from wrcd.errors import BusError, InputError
 
 KEYS = (YAW_RATE_A1, EXTENDED_KEY)
 
@@ -127,17 +126,6 @@ def test_receive_ends_after_max_frames_of_a_flood(
         assert flood.taken == look * MAX_FRAMES
     assert link.health.error_frames == (2 * MAX_FRAMES if error else 0)
     link.close()
-
-
-def test_unknown_interface_is_bad_input_with_the_nearest_one() -> None:
-    with pytest.raises(InputError, match="'socketcam' is no interface of python-can — did you mean 'socketcan'") as e:
-        PythonCanLink("socketcam", "can0", None)
-    assert e.value.status == 2
-
-
-def test_interface_whose_driver_is_missing_is_a_bus_error() -> None:
-    with pytest.raises(BusError, match=r"pcan:PCAN_USBBUS1 cannot be opened: .* install the driver of the adapter"):
-        PythonCanLink("pcan", "PCAN_USBBUS1", None)
 
 
 def test_closed_bus_is_down_and_counts_unsent_frames(ends: Ends) -> None:

@@ -5,12 +5,15 @@ import signal
 import subprocess
 import sys
 from collections import Counter
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import pandas as pd
 import pytest
 
 from sim_ecu.cli.main import main
+from sim_ecu.jobs import pool
+from sim_ecu.jobs.pool import Workers
 from tests.support.processes import ROOT, gone, running, wait_for
 from tests.support.trial_kind import Write, lines, meanwhile, rows
 from wrcd.errors import Status
@@ -63,13 +66,26 @@ def test_campaign_that_is_extended_runs_the_new_jobs_only(
 
 
 @pytest.mark.usefixtures("jobs_here")
+def test_finished_campaign_needs_no_worker(write: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    out, local, crews = tmp_path / "out", pool.local, list[int]()
+
+    def counted(count: int) -> AbstractContextManager[Workers]:
+        crews.append(count)
+        return local(count)
+
+    monkeypatch.setattr(pool, "local", counted)
+    for _ in range(2):
+        assert run(write("", factor="x = [1]"), out) == Status.DONE
+    assert crews == [1]  # of two that were asked for: there is one job
+
+
+@pytest.mark.usefixtures("jobs_here")
 def test_again_runs_what_did_not_end_well(write: Write, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    record, wanted, out = tmp_path / "record", tmp_path / "in/wanted.txt", tmp_path / "out"
+    record, out = tmp_path / "record", tmp_path / "out"
     file = write("seeds = 3", f'record = "{record}"\nact = "fail"', "x = [1]")
     assert run(file, out) == Status.STOPPED
     assert run(file, out) == Status.STOPPED  # it has its row
     assert Counter(executed(record)) == {"1 1": 1, "1 2": 1, "1 3": 2}
-    assert not wanted.exists()
     assert run(file, out, "--again") == Status.STOPPED
     assert Counter(executed(record)) == {"1 1": 1, "1 2": 1, "1 3": 4}
     assert rows(out)["ending"].tolist() == ["done", "done", "failed"]
@@ -177,12 +193,12 @@ def test_runs_that_die_or_hang_are_named_and_the_campaign_goes_on(
     write: Write, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"
-    assert run(write("seeds = 4\nlimit_s = 1.5", factor='x = [1]\nact = ["die", "hang"]'), out) == Status.STOPPED
+    assert run(write("seeds = 4\nlimit_s = 5", factor='x = [1]\nact = ["die", "hang"]'), out) == Status.STOPPED
     found = rows(out)
     assert found["ending"].tolist() == ["done", "done", "died", "done", "done", "done", "too long", "done"]
     said = capsys.readouterr().out
     assert "6 of 8 jobs done, 1 too long, 1 died\n" in said
-    assert "  too long: x = 1, act = hang, seed = 3: not done within 1.5 s\n" in said
+    assert "  too long: x = 1, act = hang, seed = 3: not done within 5 s\n" in said
 
 
 @pytest.mark.parametrize("signal_", [signal.SIGINT, signal.SIGTERM])

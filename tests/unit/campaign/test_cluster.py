@@ -90,7 +90,7 @@ def test_rows_of_a_scheduler_with_two_workers_are_those_of_this_computer(
     write: Write, tmp_path: Path, dask: Dask, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out, here = tmp_path / "out", tmp_path / "here"
-    file = write("seeds = 3\nlimit_s = 1.5", factor='x = [1]\nact = ["", "fail", "die", "hang"]')
+    file = write("seeds = 3\nlimit_s = 5", factor='x = [1]\nact = ["", "fail", "die", "hang"]')
     dask.workers()
     assert run(file, out, "--scheduler", dask.address) == run(file, here, "--jobs", "2") == Status.STOPPED
     pd.testing.assert_frame_equal(rows(out), rows(here))
@@ -151,18 +151,24 @@ def test_worker_with_other_code_is_refused(
     assert len(rows(tmp_path / "out")) == 0
 
 
-def test_worker_of_several_threads_is_refused(
+def test_worker_of_several_threads_gets_nothing_and_is_refused_where_there_is_no_other(
     write: Write, tmp_path: Path, dask: Dask, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    record, sound = tmp_path / "record", WORKER
+    file = write("seeds = 4", f'record = "{record}"')
     monkeypatch.setattr(sys.modules[__name__], "WORKER", ["2" if w == "1" else w for w in WORKER])
     dask.workers(1)
-    assert run(write(), tmp_path / "out", "--scheduler", dask.address) == Status.BAD_INPUT
-    assert "--scheduler: a worker has several threads" in capsys.readouterr().err
+    assert run(file, tmp_path / "out", "--scheduler", dask.address) == Status.BAD_INPUT
+    assert "--scheduler: every worker has several threads" in capsys.readouterr().err
+    monkeypatch.setattr(sys.modules[__name__], "WORKER", sound)
+    dask.workers(1)
+    with pool.cluster(dask.address) as crew:
+        wait_for("the other", WAIT_S, lambda: len(crew.client.nthreads()) == 2)
+    assert run(file, tmp_path / "out", "--scheduler", dask.address) == Status.DONE
+    assert len({line.split()[2] for line in lines(record)}) == 1
 
 
-def test_scheduler_that_goes_away_is_said_and_this_computer_goes_on(
-    write: Write, tmp_path: Path, dask: Dask, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_scheduler_that_goes_away_is_said_and_this_computer_goes_on(write: Write, tmp_path: Path, dask: Dask) -> None:
     gate, out = tmp_path / "gate", tmp_path / "out"
     file = write("seeds = 10", f'waits_for = "{gate}"\nwaits_from = 6', "x = [1]")
     dask.workers(1)
@@ -172,9 +178,16 @@ def test_scheduler_that_goes_away_is_said_and_this_computer_goes_on(
         dask.scheduler.kill()
         dask.scheduler.wait(WAIT_S)
 
+    command = (sys.executable, "-m", "tests.support.trial_kind", "campaign", file, "-o", out)
     with meanwhile(go):
-        assert run(file, out, "--scheduler", dask.address) == Status.STOPPED
-    assert "the workers are lost: " in capsys.readouterr().err
+        done = subprocess.run(
+            [*map(str, command), "--scheduler", dask.address],
+            cwd=ROOT, capture_output=True, text=True, timeout=WAIT_S, check=False,
+        )  # fmt: skip
+    assert done.returncode == Status.STOPPED
+    assert "the workers are lost: " in done.stderr
+    assert done.stderr.endswith("the same command goes on from there\n")
+    assert "Traceback" not in done.stderr
     assert len(rows(out)) == 5
     gate.touch()
     assert run(file, out) == Status.DONE
@@ -188,3 +201,4 @@ def test_address_without_a_scheduler_is_told(
     for address in ("tcp://127.0.0.1:1", "nonsense", "http://127.0.0.1:1"):
         assert run(write(), tmp_path / "out", "--scheduler", address) == Status.BAD_INPUT
         assert f"--scheduler: {address}: no scheduler answers there" in capsys.readouterr().err
+        assert not (tmp_path / "out").exists()

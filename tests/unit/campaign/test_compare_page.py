@@ -69,6 +69,14 @@ def test_equal_sides_make_no_claim_and_runs_that_failed_are_left_out_in_pairs(tm
     assert found["corrected p"].tolist() == [1.0] * len(found)
 
 
+def test_change_that_is_the_same_in_all_worlds_is_found_and_has_no_interval(tmp_path: Path) -> None:
+    before, after = rows(12, 2), rows(12, 2)
+    before["mean_error_pp"], after["mean_error_pp"] = 1.0, 2.0
+    found = compared(tmp_path, before, after)
+    assert found.loc["mean_error_pp", "corrected p"] < 0.05
+    assert found[["low", "high"]].isna().all(axis=None)
+
+
 @pytest.mark.parametrize("name", ["FIGURES", "PAIRED", "WORLD"])
 def test_columns_of_the_script_are_those_of_the_kind(name: str) -> None:
     (line,) = (line for line in PAGE.read_text().splitlines() if line.startswith(f"{name} = "))

@@ -10,7 +10,8 @@ import pytest
 
 from sim_ecu.campaign.definition import KINDS
 from sim_ecu.campaign.kind import Kind
-from sim_ecu.campaign.kinds.given import scenario_of
+from sim_ecu.campaign.kinds.drive import THRESHOLDS
+from sim_ecu.campaign.kinds.given import fault_of, scenario_of
 from sim_ecu.campaign.kinds.score import suite_of
 from sim_ecu.design.brief import load_source
 from sim_ecu.jobs.pool import local, run
@@ -24,6 +25,7 @@ from sim_ecu.score.metrics.run_metrics import suite_figures
 from sim_ecu.score.report import judge as report
 from sim_ecu.score.score_play import play
 from sim_ecu.score.suites import runs
+from sim_ecu.score.suites.run import NOMINAL_FROM_S
 from wrcd import resources
 from wrcd.config.config import load_config
 from wrcd.config.section import Section
@@ -130,6 +132,21 @@ def test_page_says_what_every_factor_and_figure_is(kind: Kind) -> None:
     assert families == {"km", "hours", "cause"}
     assert {f.name for f in kind.factors} <= told
     assert {f for f in kind.figures if "_" not in f or f.partition("_")[0] not in families} <= told
+
+
+def test_page_has_the_defaults() -> None:
+    page = (ROOT / "docs/reference/campaign.md").read_text()
+    rows = [row.split(" | ") for row in re.findall(r"^\| (`.*) \|$", page, re.MULTILINE) if row.count(" | ") == 3]
+    told = {
+        name: value for row in rows
+        for name, value in zip(re.findall("`(.+?)`", row[0]), row[2].split(", "), strict=False)
+    }  # fmt: skip
+    own = {"fault": "bias", "fault_axle": 1}
+    named = {name: float(told[name]) for name in ("fault_at_s", "fault_for_s")} | {"fault_of": told["fault_of"]}
+    assert fault_of(own | named, [1], 9.0) == fault_of(own, [1], 9.0) != ()
+    assert float(told["judged_from_s"]) == NOMINAL_FROM_S
+    assert suite_of({"suite": "dead", "lot": int(told["lot"])}) is suite_of({"suite": "dead"})
+    assert (told["controller"], told["with_adhesion"], told["daemon"]) == (THRESHOLDS, "false", "false")
 
 
 @pytest.mark.parametrize("kind", EXAMPLES)

@@ -230,25 +230,28 @@ def test_every_log_is_a_row_and_every_kilometre_of_an_axle_one_of_the_table(
 def test_only_what_is_new_or_edited_is_replayed_and_what_is_gone_goes(
     fleet: Path, out: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    copy, replayed = tmp_path / "copy" / fleet.name, []
+    copy = tmp_path / "copy" / fleet.name
     shutil.copytree(fleet, copy)
     shutil.copytree(out, tmp_path / "again")
     before = rows_of(out)["key"]
     (copy / BROKEN).unlink()
     (copy / "7401/b.log").write_bytes((fleet / "7401/b.log").read_bytes()[:-200])
     shutil.copy(fleet / "7401/a.log", copy / "7401/c.log")
-    function = figures
-
-    def watched(inputs: dict[str, Any]) -> Any:
-        replayed.append(inputs["log"])
-        return function(inputs)
-
+    REPLAYED.clear()
     monkeypatch.setattr("sim_ecu.campaign.logs.LOG", _with(watched))
     assert campaign("--logs", copy, "-o", tmp_path / "again") == Status.DONE
-    assert sorted(Path(log).name for log in replayed) == ["b.log", "c.log"]
+    assert sorted(Path(log).name for log in REPLAYED) == ["b.log", "c.log"]
     after = rows_of(tmp_path / "again")["key"]
     assert sorted(after.index) == ["7401/a.log", "7401/b.log", "7401/c.log", "7402/a.log.gz"]
     assert [name for name in after.index if after[name] == before.get(name)] == ["7401/a.log", "7402/a.log.gz"]
+
+
+REPLAYED: list[str] = []
+
+
+def watched(inputs: dict[str, Any]) -> Any:
+    REPLAYED.append(inputs["log"])
+    return figures(inputs)
 
 
 def _with(function: Any) -> Any:

@@ -2,13 +2,14 @@
 
 import json
 import math
-import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
+import pyarrow.parquet as pq
 import pytest
 
 from sim_ecu.campaign import row_folder
@@ -16,6 +17,7 @@ from sim_ecu.campaign.definition import Campaign, jobs_of
 from sim_ecu.campaign.kind import Job
 from sim_ecu.campaign.row_folder import CAMPAIGN, ROWS, opened
 from sim_ecu.jobs.pool import Stopped
+from sim_ecu.reporting.result_files import save
 from tests.support.trial_kind import TRIAL
 from wrcd.errors import InputError
 
@@ -72,14 +74,41 @@ def test_parts_are_few_for_many_rows_and_a_kill_costs_a_fiftieth(tmp_path: Path)
     assert len(pd.read_parquet(tmp_path / ROWS)) == 2000
 
 
-def test_rows_outlive_a_process_that_is_killed_and_the_folder_is_free(tmp_path: Path) -> None:
-    pid = os.fork()
-    if not pid:
-        opened(tmp_path, ASKED).__enter__().add(row(ASKED.jobs[0]))
-        os._exit(0)
-    os.waitpid(pid, 0)
-    with opened(tmp_path, ASKED) as rows:
-        assert rows.endings == {ASKED.jobs[0].key: "done"}
+def test_slow_rows_are_written_after_a_while(there: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(row_folder, "PART", 1.0)
+    with opened(there, ASKED) as rows:
+        rows.add(row(ASKED.jobs[2]))
+        assert len(pd.read_parquet(there / ROWS)) == 2
+        monkeypatch.setattr(row_folder, "PART_S", 0.0)
+        rows.add(row(ASKED.jobs[3]))
+        assert len(pd.read_parquet(there / ROWS)) == 4
+
+
+def test_ctrl_c_as_a_part_is_written_writes_no_row_twice(there: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def end(file: Path, write: Callable[[Path], object]) -> None:
+        save(file, write)
+        raise KeyboardInterrupt
+
+    with suppress(KeyboardInterrupt), opened(there, ASKED) as rows:
+        monkeypatch.setattr(row_folder, "save", end)
+        rows.add(row(ASKED.jobs[2]))
+    assert sorted(pd.read_parquet(there / ROWS)["seed"]) == [0, 1, 2]
+
+
+def test_part_with_its_columns_in_another_order_is_read(there: Path) -> None:
+    part = there / ROWS / "part-000001.parquet"
+    found = pq.read_table(part)
+    pq.write_table(found.select(found.column_names[::-1]), part)
+    with opened(there, ASKED) as rows:
+        assert rows.table()["seed"].tolist() == [0, 1]
+
+
+def test_what_is_no_part_of_its_own_stands_beside(there: Path) -> None:
+    (there / ROWS / "part-mine.parquet").write_text("")
+    with opened(there, ASKED) as rows:
+        rows.add(row(ASKED.jobs[2]))
+        rows.write()
+        assert len(rows.table()) == 3
 
 
 def test_folder_is_of_one_process_at_a_time(there: Path) -> None:
@@ -135,11 +164,13 @@ def test_folder_of_other_code_is_refused(there: Path, monkeypatch: pytest.Monkey
         pass
 
 
-def test_folder_of_an_earlier_version_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "rows.sqlite").write_text("SQLite format 3")
-    with pytest.raises(InputError, match=r"earlier version, in rows\.sqlite"), opened(tmp_path, ASKED):
+@pytest.mark.parametrize("name", ["rows.sqlite", "journal.jsonl", "results.parquet"])
+def test_folder_of_an_earlier_version_is_refused_and_left_as_it_is(tmp_path: Path, name: str) -> None:
+    for file in (name, CAMPAIGN):
+        (tmp_path / file).write_text("{}")
+    with pytest.raises(InputError, match=f"earlier version, in {name}"), opened(tmp_path, ASKED):
         pass
-    assert [f.name for f in tmp_path.iterdir()] == ["rows.sqlite"]
+    assert {f.name for f in tmp_path.iterdir()} == {name, CAMPAIGN}
 
 
 @pytest.mark.parametrize("name", ["thesis.tex", "rows.parquet"])

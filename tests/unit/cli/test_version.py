@@ -13,7 +13,6 @@ from wrcd import native, resources
 from wrcd.cli import program as program_of_both
 from wrcd.cli.main import main
 from wrcd.estimator import design
-from wrcd.recorder import state_file
 
 
 @pytest.mark.parametrize(("program", "run"), [("wrcd", main), ("sim-ecu", rig_main)])
@@ -26,14 +25,13 @@ def test_version_names_package_design_and_formats(
     said = capsys.readouterr().out.splitlines()
     packaged = json.loads(resources.DESIGN.read_text())
     assert re.fullmatch(rf"{program} \d+\.\d+\.\d+", said[0])
-    assert said[1:4] == [
+    assert said[1:3] == [
         f"design  {packaged['name']} {packaged['checksum'][:12]}, {design.FORMAT}",
-        f"state   {state_file.FORMAT}",
         "log     candump -L",
     ]
-    assert said[4] == f"estimator: {native.engine()}"
+    assert said[3] == f"estimator: {native.engine()}"
     assert re.fullmatch(
-        r"with    Python 3\.\d+\.\S+, numpy \d\S+, cantools \d\S+, python-can \d\S+, Linux \S+", said[5]
+        r"with    Python 3\.\d+\.\S+, numpy \d\S+, cantools \d\S+, python-can \d\S+, Linux \S+", said[4]
     )
 
 

@@ -20,7 +20,7 @@ FUSION = "[fusion]\npositions_m = [0.0, -2.5, -19, -21.5]\none_way = true\n"
 
 
 def load(folder: Path, text: str, like: Config) -> Config:
-    """With the DBC and the design that are read already."""
+    """What it gives, with another's DBC and design: they compare by identity, and no ended key speaks of them."""
     file = folder / "train.toml"
     file.write_text(text, encoding="utf-8")
     return replace(load_config(file), database=like.database, design=like.design)

@@ -139,10 +139,7 @@ def test_words_of_direction(folder: Path, reverse: str, raws: set[int]) -> None:
     assert one(config, Quantity.DIRECTION).source.reverse == frozenset(raws)
 
 
-@pytest.mark.parametrize(
-    ("keys", "identity"),
-    [('e2e = "P11", data_id = 513', 513), ('e2e = "none"', None)],
-)
+@pytest.mark.parametrize(("keys", "identity"), [('e2e = "P11", data_id = 513', 513), ('e2e = "none"', None)])
 def test_protection_is_the_configurations(folder: Path, keys: str, identity: int | None) -> None:
     config = load_config(written(folder, [of_torque(f'signal = "Protected.Brake", {keys}')]))
     assert config.data_ids["Protected"] == identity
@@ -154,7 +151,7 @@ def test_names_and_words_of_what_is_sent(folder: Path) -> None:
         'mu_available = { signal = "Kelvin", unit = "%", range = [0, 90], not_available = "NotAvailable" }, '
         'sample_age = { signal = "Age", unit = "s", range = [0, 1] }'
     )
-    with pytest.raises(InputError, match=r"Age has steps of 1000 ms; SampleAge needs 10 or finer"):
+    with pytest.raises(InputError, match=r"adhesion\.sample_age"):
         load_config(written(folder, [edit]))
     edit = (edit[0], edit[1].replace(', sample_age = { signal = "Age", unit = "s", range = [0, 1] }', ""))
     output = load_config(written(folder, [edit])).axles[0].adhesion
@@ -180,9 +177,7 @@ def test_tables_may_stand_below_their_axle(folder: Path) -> None:
     text = BASE.replace(YAW, "") + '[axle.yaw_rate]\nsignal = "Imu1.Gyro"\nsgn = -1\n'
     path = folder / "train.toml"
     path.write_text(text)
-    with pytest.raises(
-        InputError, match=rf"train.toml:{text.count(chr(10))}: axle\[1\].yaw_rate.sgn: unknown key — did"
-    ):
+    with pytest.raises(InputError, match=rf"train.toml:{text.count(chr(10))}: axle\[1\].yaw_rate.sgn: "):
         load_config(path)
 
 
@@ -210,7 +205,7 @@ def test_two_messages_of_one_identity_are_refused(folder: Path, monkeypatch: pyt
 
     with monkeypatch.context() as patched:
         patched.setattr("wrcd.config.config.load_dbc", doubled)
-        with pytest.raises(InputError, match="speed: Drive has the standard id 0x100, and so has Imu1"):
+        with pytest.raises(InputError, match=r"speed: .*0x100.*Imu1"):
             load_config(written(folder, []))
     with_extended = after('axle_load = "Extended.Load"')  # 0x100, too
     assert len(load_config(written(folder, [with_extended])).inputs) == 5

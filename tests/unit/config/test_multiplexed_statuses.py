@@ -185,7 +185,7 @@ def test_status_that_counts_and_does_not_in_one_branch_is_refused(tmp_path: Path
     path = train(tmp_path, STATED.format(1), STATED.format(2), good="Measuring")
     text = path.read_text().replace('"Bogie.Acc2"', '{ signal = "Bogie.Acc2", status = false }')
     path.write_text(text)
-    with pytest.raises(InputError, match=r"axle\[2\].lateral_acceleration.status: is false, but axle\[2\].yaw_rate"):
+    with pytest.raises(InputError, match=r"axle\[2\].lateral_acceleration.status: "):
         load_config(path)
 
 

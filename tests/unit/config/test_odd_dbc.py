@@ -62,8 +62,7 @@ def test_direction_without_words_or_signs_needs_its_values(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(
-    ("name", "table"),
-    [("GyroFault", '0 "No_Fault" 1 "Fault"'), ("Diag", '0 "No_Fault" 1 "Fault"'), ("Status", "")],
+    ("name", "table"), [("GyroFault", '0 "No_Fault" 1 "Fault"'), ("Diag", '0 "No_Fault" 1 "Fault"'), ("Status", "")]
 )
 def test_signal_named_status_or_with_words_of_one_is_one(tmp_path: Path, name: str, table: str) -> None:
     words = [("SensorState", name), ('0 "Run" 1 "Fault"', table)]

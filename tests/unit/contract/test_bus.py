@@ -88,5 +88,5 @@ def daemon() -> Iterator[None]:
 
 @pytest.mark.usefixtures("daemon")
 def test_bus_with_another_sender_is_refused() -> None:
-    with pytest.raises(BusError, match="virtual:contract: somebody else sends 0x91"):
+    with pytest.raises(BusError, match=r"virtual:contract: .*0x91"):
         bench(Listening(example("careless_consumer").Careless()))

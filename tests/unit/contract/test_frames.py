@@ -11,7 +11,7 @@ from tests.support.kit.trains import odd_train
 from tests.support.processes import ROOT
 from wrcd.bus.dbc import find_message
 from wrcd.config.config import load_config
-from wrcd.contract.frames import BASE, DEGRADED, NOTHING, FrameMaker, Says
+from wrcd.contract.frames import BASE, NOTHING, FrameMaker, Says
 from wrcd.core.configuration import Config
 
 THIRD = ROOT / "tests" / "data" / "dbc" / "third-party.toml"
@@ -79,9 +79,3 @@ def test_values_that_mean_no_number_are_known(config: Config) -> None:
     third = FrameMaker(load_config(THIRD), load_config(THIRD).axles[0])
     assert next(name for name, _ in third.unknown_validities()) == "Error"
     assert ("not-available", 255) in {(kind, raw) for kind, _, raw in third.no_numbers()}
-
-
-def test_says_reads_as_a_person_would_say_it() -> None:
-    assert str(Says(20.0, "Within3pp")) == "Valid 20 % Within3pp"
-    assert str(NOTHING) == "NotAvailable MuAvailable not available None, SampleAge 255 ms"
-    assert str(DEGRADED) == "Degraded 20 % None"

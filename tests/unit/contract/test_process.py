@@ -64,12 +64,12 @@ NO_NUMBERS = [f'{{"axle": 1, "limit": {number}}}' for number in ("NaN", "Infinit
 def test_line_that_is_no_decision_is_told(started: Started, line: str) -> None:
     consumer = started(process(SAY, line))
     wait_for("the line", 10, lambda: fails(consumer))
-    with pytest.raises(ConsumerError, match="not a line like"):
+    with pytest.raises(ConsumerError, match="line"):
         consumer.use(1)
 
 
 def test_command_that_is_not_there_is_told() -> None:
-    with pytest.raises(ConsumerError, match="cannot start /no/such/program"):
+    with pytest.raises(ConsumerError, match="/no/such/program"):
         ProcessConsumer("/no/such/program -i {interface}").start(BUS)
 
 

@@ -9,18 +9,15 @@ from pathlib import Path
 
 import pytest
 
-from sim_ecu.cli.main import main as sim_ecu
 from sim_ecu.play.encoder import databases
 from sim_ecu.play.scenario import load_scenario, packaged
 from tests.support.can_ids import id_of
-from tests.support.config_texts import AXLE, VEHICLE
 from tests.support.lone_wheelset import LONE, PLAYED
 from tests.support.scenarios import EIGHT_AXLES, SIX_AXLES, LogOf, held
 from wrcd.cli.main import main as wrcd
 from wrcd.config.config import packaged as packaged_axles
 from wrcd.logs.damage import Damage
 from wrcd.logs.reader import read_log
-from wrcd.logs.replay_outputs import COLUMNS
 
 ROOT = Path(__file__).parents[3]
 WANTED_CREEP_REACHED_S = 1.0
@@ -95,22 +92,6 @@ def test_eight_axles_on_one_rail_are_not_taken_for_each_other(log_of: LogOf, tmp
     assert not {"SensorsUnrelated", "TwoSenders"} & {r["cause"] for r in found}
 
 
-def test_replay_of_asc_and_blf_gives_the_candump_estimate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    scenario = tmp_path / "s.toml"
-    scenario.write_text(held("E", 4.0))
-    results = []
-    for suffix in ("log", "asc", "blf"):
-        log = tmp_path / f"a.{suffix}"
-        assert sim_ecu(["play", str(scenario), "--fast", "--log", str(log)]) == 0
-        capsys.readouterr()
-        assert wrcd(["replay", str(log)]) == 0
-        results.append([line.split(",")[1:] for line in capsys.readouterr().out.splitlines()])
-    # formats differ in how finely and from when they count time; the estimates are the same to a tenth
-    for other in results[1:]:
-        assert abs(len(other) - len(results[0])) <= 8
-        assert abs(float(other[-4][2]) - float(results[0][-4][2])) < 0.5
-
-
 def test_dump_command_decodes_a_log(log_of: LogOf, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     dbc, log = str(ROOT / "dbc" / "sim_ecu.dbc"), log_of(held("A"))
     assert wrcd(["dump", str(log), "-n", "8", "--dbc", dbc]) == 0
@@ -153,24 +134,6 @@ BAD: dict[str, tuple[Sequence[str], str]] = {
     "no such interface": (["wrcd", "run", "-i", "tincan", "-c", "x"], "'tincan' is no interface of python-can"),
     "rig without a bus": (["sim-ecu", "play", "dry", "-i", "socketcan", "-c", "nowhere0"], "nowhere0 cannot be opened"),
 }
-
-
-@pytest.mark.parametrize("case", BAD)
-def test_bad_input_is_one_line_and_an_exit_status(
-    tmp_path: Path, case: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "rubbish.log").write_text("no frames here\n")
-    (tmp_path / "one.log").write_text("(1700000000.000001) can0 091#00\n")
-    (tmp_path / "bad.toml").write_text(VEHICLE + AXLE + "[limits]\nmin_sped = 3\n")
-    arguments, message = BAD[case]
-    status = {"wrcd": wrcd, "sim-ecu": sim_ecu}[arguments[0]](arguments[1:])
-    captured = capsys.readouterr()
-    # a bus may be there on the next try
-    assert status == (3 if case in ("no such bus", "unknown configuration", "rig without a bus") else 2)
-    assert message in captured.err
-    assert captured.err.count("\n") == 1
-    assert captured.out in ("", ",".join(COLUMNS) + "\n")
 
 
 def test_closed_pipe_is_no_error(log_of: LogOf) -> None:

@@ -1,6 +1,5 @@
 """The fast lane makes of any frames what feed() makes of them one by one: frames, counts, events and state."""
 
-import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -8,8 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.bench.workload import LENGTH_US, START_US, stretch
 from tests.corpus.logs import spoilt
+from tests.support.core_state import state
+from tests.support.stretch import LENGTH_US, START_US, stretch
 from wrcd.bus.batch import FrameBatch
 from wrcd.bus.frame import Frame
 from wrcd.config.config import load_config, packaged
@@ -19,7 +19,6 @@ from wrcd.core.configuration import Config
 from wrcd.core.core import Core
 from wrcd.core.messages import Outgoing
 from wrcd.estimator.native_estimator import CompiledEstimator
-from wrcd.recorder.state import capture, encode
 
 pytestmark = pytest.mark.usefixtures("library")
 MOST_AT_ONCE = 300
@@ -53,9 +52,8 @@ def made(out: Sequence[Outgoing]) -> list[tuple[Frame, Cause, int]]:
 
 def seen(core: Core) -> Any:
     """What can be seen of a core after any batch."""
-    slots = [(list(s.reports), list(s.adhesion), s.below_min_speed) for s in core.take_reports()]
     changes = [(c.text, c.time_us, c.axle) for c in core.events.since(0)]
-    return core.counts, slots, core.reports, changes, core.time_us, core.speed_m_s, core.waits
+    return core.counts, core.reports, changes, core.time_us, core.speed_m_s, core.waits
 
 
 def compare(config: Config, frames: Sequence[Frame], chance: np.random.Generator, explains: bool) -> tuple[Core, int]:
@@ -72,7 +70,7 @@ def compare(config: Config, frames: Sequence[Frame], chance: np.random.Generator
             assert seen(many) == seen(one)
         if chance.random() < 0.01:
             many.settle()
-            assert json.dumps(encode(capture(many))) == json.dumps(encode(capture(one)))
+            assert state(many) == state(one)
     return many, count
 
 

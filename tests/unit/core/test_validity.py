@@ -10,13 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.support.can_ids import (
-    LAT_ACCEL_A1,
-    TORQUE_A1,
-    TORQUE_A2,
-    VEHICLE_SPEED,
-    YAW_RATE_A1,
-)
+from tests.support.can_ids import LAT_ACCEL_A1, TORQUE_A1, TORQUE_A2, VEHICLE_SPEED, YAW_RATE_A1
 from tests.support.config_texts import AXLE
 from tests.support.sensor_simulator import SensorSimulator, beside, until_ms, validities
 from wrcd import resources
@@ -26,15 +20,7 @@ from wrcd.config.config import load_config
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import Config
 from wrcd.core.inputs import DEAD_SHARE, TRACTION_HELD_US
-from wrcd.core.validity import (
-    FIRST_WAIT_S,
-    FREE_RESETS,
-    LAST_WAIT_S,
-    OF_ESTIMATE,
-    OF_PAIR,
-    ValidityMonitor,
-    verdict,
-)
+from wrcd.core.validity import FIRST_WAIT_S, FREE_RESETS, LAST_WAIT_S, OF_ESTIMATE, OF_PAIR, ValidityMonitor, verdict
 from wrcd.estimator.records import EstimateDoubt
 from wrcd.estimator.trust.health import PairState
 

@@ -185,30 +185,6 @@ def test_missing_axle_and_missing_message_are_named(checked: Checked) -> None:
     assert "  VehicleSpeed.Speed: not one frame of id 0x130 came\n" in text
 
 
-def test_log_without_a_frame_that_fits_exits_3_and_says_what_is_there(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    log = tmp_path / "other.log"
-    log.write_text("".join(f"(1700000000.{k:06d}) can0 00000101#0011\n" for k in range(0, 100_000, 1000)))
-    assert main(["check", "--log", str(log)]) == 3
-    said = capsys.readouterr().out
-    assert "fits the configuration default configuration: it maps 0x101" in said
-    assert "there are 100 of 1 other ids (0x00000101 100)" in said  # an extended one is another
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--log", "none.log"], "none.log: no such log"),
-        (["--live", "0"], "--live: takes seconds up to 3600, not 0"),
-        (["--live", "1", "--log", "x.log"], "--live: a log or a bus, not both"),
-    ],
-)
-def test_bad_input_is_one_line(arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["check", *arguments]) in (2, 3)
-    assert message in capsys.readouterr().err
-
-
 def test_channels_order_and_damage_of_a_log_are_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], checked: Checked
 ) -> None:

@@ -1,13 +1,10 @@
 """wrcd lint: every planted fault is found with its code and line, and a sound DBC has none."""
 
-import contextlib
 import json
 from pathlib import Path
 from typing import NamedTuple
 
-import cantools
 import pytest
-from cantools.database.errors import Error
 
 from sim_ecu import resources as rig
 from wrcd import resources
@@ -170,57 +167,12 @@ def test_every_code_is_planted() -> None:
     assert {p.code for p in PLANTED} | NOT_PLANTED == set(CODES)
 
 
-def test_most_faults_are_ones_that_strict_loading_lets_pass(tmp_path: Path) -> None:
-    passed: set[str] = set()
-    for planted in PLANTED:
-        file, _ = _plant(tmp_path, (planted.old, planted.new), planted.more)
-        with contextlib.suppress(Error):
-            cantools.database.load_file(file, strict=True)
-            passed.add(planted.code)
-    assert len(passed) >= 25
-    assert not passed & {"signals-overlap", "signal-outside-message"}
-
-
 def test_dbc_that_cannot_be_loaded_is_a_finding_beside_the_others(tmp_path: Path) -> None:
     file, _ = _plant(tmp_path, (CURRENT, CURRENT.replace("(0.1,0)", "(1e9999,0)")), _changed(ACCEL, '"g"', '""'))
     first, second = findings(file)
     assert (first.line, first.code, first.subject) == (19, "unit-missing", "Imu1.AccY")
     assert (second.line, second.code, second.subject) == (35, "not-loadable", "planted.dbc")
     assert "no message, signal or number is that large" in second.what
-
-
-@pytest.mark.parametrize(
-    ("text", "reason"),
-    [
-        (None, "no such DBC file"),
-        ("", "not a usable DBC"),
-        ("hello, world", "cannot be read at 'hello'"),
-        ('VERSION ""\nBO_ 1 A: 8', "ends within a statement"),
-        ('VERSION ""\nBO_ 1 A: 8 B\n SG_ S : 0|8@1 (1,0) [0|0] "" B\n', "cannot be read at"),
-    ],
-)
-def test_what_is_no_dbc_is_refused(
-    text: str | None, reason: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    file = tmp_path / "no.dbc"
-    if text is not None:
-        file.write_text(text, encoding="utf-8")
-    assert cli.main(["lint", str(file)]) == 2
-    assert reason in capsys.readouterr().err
-
-
-def test_findings_are_printed_with_file_line_code_reason_and_remedy(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    file, _ = _plant(tmp_path, _changed(GYRO, "(0.005,0)", "(0.02,0)"))
-    assert cli.main(["lint", str(file)]) == 1
-    assert capsys.readouterr().out.splitlines() == [
-        f"{file}:18: resolution-too-coarse: Imu1.GyroZ: step 0.02 deg/s is 0.00035 rad/s; "
-        "the sensor of design 'multiple-unit' has noise of 0.0003 rad/s rms",
-        f"    {CODES['resolution-too-coarse'].why}",
-        f"    {CODES['resolution-too-coarse'].mend}",
-        f"{file}: 1 finding",
-    ]
 
 
 def test_json_has_a_record_for_each_finding(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -135,8 +135,7 @@ def test_noise_alone_names_no_unit() -> None:
 
 
 @pytest.mark.parametrize(
-    ("sent", "read", "unit"),
-    [('unit = "kNm"', "", "kNm"), ("", 'unit = "kNm", range = [-1e6, 1e6]', "Nm")],
+    ("sent", "read", "unit"), [('unit = "kNm"', "", "kNm"), ("", 'unit = "kNm", range = [-1e6, 1e6]', "Nm")]
 )
 def test_torque_that_moves_no_train_or_that_no_wheel_carries(sent: str, read: str, unit: str, named: Named) -> None:
     said = named("wet", "", mapping(TORQUE, sent), mapping(TORQUE, read), 6)

@@ -1,7 +1,6 @@
 """The compiled estimator does as the reference in numpy: the same masks every tick, the same figures to 1e-9."""
 
 import ctypes
-import json
 import os
 import shutil
 import subprocess
@@ -10,7 +9,6 @@ from collections.abc import Iterable
 from dataclasses import fields
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +20,6 @@ from wrcd.estimator.engine import Engine
 from wrcd.estimator.estimator import Estimator
 from wrcd.estimator.native_estimator import CompiledEstimator
 from wrcd.estimator.records import Estimate, StepResult
-from wrcd.recorder.state import capture, encode, restore
 
 # Of the largest innovation of an axle since its reset, and of 1. What differs is the order of sums and the fused
 # multiply-add of numpy's matrix product; a filter's closed loop makes a rounding of its state up to 140 times as large
@@ -136,24 +133,6 @@ def test_engines_agree_on_a_million_fuzzed_ticks(library: ctypes.CDLL, name: str
     """A million in all of these."""
     pair = Pair(Estimator(designs_once()[name], axles), CompiledEstimator(library, designs_once()[name], axles))
     pair.run(Train(axles, 100 + axles).steps(31_250), 97)
-
-
-def saved(e: Engine) -> Any:
-    """As a state file has it."""
-    return json.loads(json.dumps(encode(capture(e)), allow_nan=False))
-
-
-@pytest.mark.parametrize("name", ["multiple-unit", "lone-wheelset", "paper"])
-def test_either_engine_goes_on_from_the_others_saved_state(library: ctypes.CDLL, name: str) -> None:
-    """Every 397 ticks, so that no block, memory step or span ends there each time, the other one takes over."""
-    design, axles = designs_once()[name], 3
-    engines: list[Engine] = [CompiledEstimator(library, design, axles), Estimator(design, axles)]
-    pair, train = Pair(Estimator(design, axles), engines[0]), Train(axles, 21)
-    for turn in range(4):
-        pair.run(train.steps(397), 23)
-        state, pair.other = saved(pair.other), engines[(turn + 1) % 2]
-        restore(pair.other, state)
-        assert saved(pair.other) == state
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,7 @@
 """Jobs on workers of this computer: each outcome once, whatever its job and its process do."""
 
 import os
+import pickle
 import signal
 import time
 from collections.abc import Iterator, Mapping
@@ -11,13 +12,14 @@ from typing import Any
 import pytest
 
 from sim_ecu.jobs import pool
-from sim_ecu.jobs.pool import Ending, Stopped, Workers, limited, local, run
+from sim_ecu.jobs.digests import code
+from sim_ecu.jobs.pool import RESUMES, Ending, Stopped, Workers, kept, limited, local, run
 from tests.support.processes import gone, wait_for
 from tests.support.trial_kind import HANGS_S, figures, lines, meanwhile
 from wrcd.errors import InputError
 
 WAIT_S = 60.0
-LIMIT_S = 0.5
+LIMIT_S = 5.0
 
 
 @pytest.fixture(scope="module")
@@ -72,6 +74,54 @@ def test_worker_that_is_killed_loses_nothing(two: Workers, tmp_path: Path) -> No
     assert len(lines(record)) == 7
 
 
+def test_result_that_is_lost_with_its_worker_is_made_again(two: Workers, tmp_path: Path) -> None:
+    record, kill = tmp_path / "record", True
+    found = []
+    wait_for("both", WAIT_S, lambda: len(two.there()) == 2)
+    for o in run(figures, jobs(6, record=str(record)), two):
+        found.append(o)
+        if kill:
+            wait_for("the other's job", WAIT_S, lambda: len(lines(record)) == 2)
+            pids = {int(line.split()[1]): int(line.split()[2]) for line in lines(record)}
+            time.sleep(1.0)  # it has ended, and nobody has fetched what it gave
+            os.kill(next(pid for seed, pid in pids.items() if seed != o.place + 1), signal.SIGKILL)
+            time.sleep(2.0)
+            kill = False
+    assert sorted(o.place for o in found) == list(range(6))
+    assert {o.ending for o in found} == {Ending.DONE}
+
+
+def test_job_that_does_not_go_on_in_a_worker_that_hears_no_signal_is_too_long(
+    two: Workers, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pool, "LATE_S", 1.0)
+    found = {o.place: o.ending for o in run(stop_third, range(5), two, 2.0)}
+    assert found == dict.fromkeys(range(5), Ending.DONE) | {2: Ending.TOO_LONG}
+
+
+def stop_third(place: int) -> None:
+    if place == 2:
+        os.kill(os.getpid(), signal.SIGSTOP)
+
+
+def test_what_is_no_exception_fails_its_job_and_no_worker(two: Workers) -> None:
+    (found,) = run(leave, [0], two)
+    assert (found.ending, found.error) == (Ending.FAILED, "GeneratorExit: ")
+
+
+def leave(_: int) -> None:
+    raise GeneratorExit
+
+
+def test_limit_holds_where_its_signal_was_blocked() -> None:
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGALRM})
+    try:
+        limited(pickle.dumps((abs, -1)), WAIT_S, code())
+        assert signal.SIGALRM not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGALRM})
+
+
 @pytest.mark.night
 def test_worker_that_dies_again_and_again_comes_back_each_time(tmp_path: Path) -> None:
     """For longer than the 15 s after which Dask's own setting gives up one that is then not there."""
@@ -101,7 +151,7 @@ def unsendable(_: int) -> object:
 
 
 def test_worker_that_cannot_even_begin_stops_all_of_it() -> None:
-    with local(1) as workers, pytest.raises(Stopped, match="a worker cannot run jobs"):
+    with local(1) as workers, pytest.raises(Stopped, match="scheduler or worker cannot run jobs"):
         list(run(str, [Unreadable()], workers))
 
 
@@ -132,14 +182,21 @@ def test_nothing_is_left_in_the_working_folder(tmp_path: Path, monkeypatch: pyte
 
 
 def test_workers_of_this_computer_listen_on_loopback_alone(two: Workers) -> None:
-    inodes = {os.readlink(f"/proc/self/fd/{fd}") for fd in os.listdir("/proc/self/fd") if fd.isdigit()
-              and os.path.islink(f"/proc/self/fd/{fd}")}  # fmt: skip
+    pids = family(os.getpid())
+    assert len(pids) > 2  # with the workers
+    inodes = {os.readlink(fd) for pid in pids for fd in Path(f"/proc/{pid}/fd").iterdir() if fd.is_symlink()}
     listening = [
         fields for file in ("tcp", "tcp6") for line in Path(f"/proc/net/{file}").read_text().splitlines()[1:]
         if (fields := line.split())[3] == "0A" and f"socket:[{fields[9]}]" in inodes
     ]  # fmt: skip
     assert listening
     assert {fields[1].partition(":")[0] for fields in listening} == {"0100007F"}
+
+
+def family(pid: int) -> list[int]:
+    """A process and all below it."""
+    below = [c for file in Path(f"/proc/{pid}/task").glob("*/children") for c in file.read_text().split()]
+    return [pid, *(p for c in below for p in family(int(c)))]
 
 
 def test_workers_that_never_begin_are_not_waited_for_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -150,11 +207,14 @@ def test_workers_that_never_begin_are_not_waited_for_for_ever(monkeypatch: pytes
             list(run(time.sleep, [HANGS_S], workers))
 
 
-def test_workers_that_are_gone_are_lost() -> None:
+def test_workers_that_are_gone_are_lost_and_only_what_is_kept_goes_on() -> None:
     with local(1) as workers:
         pass
-    with pytest.raises(Stopped):
+    with pytest.raises(Stopped) as alone:
         list(run(figures, jobs(1), workers))
+    with pytest.raises(Stopped) as of_kept, kept():
+        list(run(figures, jobs(1), workers))
+    assert (alone.value.hint, of_kept.value.hint) == ("", RESUMES)
 
 
 def test_other_code_works_on_nothing() -> None:
@@ -163,9 +223,9 @@ def test_other_code_works_on_nothing() -> None:
 
 
 def test_limit_is_of_a_job_and_ends_no_worker_that_waits(two: Workers) -> None:
-    before = [o.value for o in run(own_id, [0], two, 1.0)]
-    time.sleep(1.5)
-    assert [o.value for o in run(own_id, [0], two, 1.0)] == before
+    before = {o.value for o in run(own_id, range(8), two, 3.0)}
+    time.sleep(3.5)
+    assert {o.value for o in run(own_id, range(8), two, 3.0)} == before
 
 
 def own_id(_: int) -> int:

@@ -8,7 +8,8 @@ import pytest
 
 from sim_ecu.cli.main import main
 from sim_ecu.design.brief import load_source
-from sim_ecu.jobs.whole import MOST_NAMED, Missing, Piece, not_whole
+from sim_ecu.jobs.pool import Stopped, Workers
+from sim_ecu.jobs.whole import MOST_NAMED, Missing, Piece, each, not_whole
 from sim_ecu.score import run_score
 from sim_ecu.score.run_score import ScoreRequest
 from sim_ecu.score.score_play import Trace
@@ -22,6 +23,15 @@ def short(run: Run) -> Run:
     return replace(run, scenario=replace(run.scenario, duration_s=3.0), judged_from_s=1.0)
 
 
+PLAY_ONE = run_score.play_one
+
+
+def dead_fail(asked: ScoreRequest, run: Run) -> list[Trace]:
+    if run.suite == "dead":
+        raise ValueError("no wheel")
+    return PLAY_ONE(asked, run)
+
+
 @pytest.mark.usefixtures("jobs_here")
 def test_suites_of_a_score_that_are_whole_are_printed_and_the_others_named(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -29,13 +39,6 @@ def test_suites_of_a_score_that_are_whole_are_printed_and_the_others_named(
     source = load_source(resources.DESIGN)
     played = [short(next(iter(runs(source, suite, 0.01)))) for suite in ("dead", "dry-hours")]
     monkeypatch.setattr(run_score, "runs", lambda *_: iter(played))
-    play_one = run_score.play_one
-
-    def dead_fail(asked: ScoreRequest, run: Run) -> list[Trace]:
-        if run.suite == "dead":
-            raise ValueError("no wheel")
-        return play_one(asked, run)
-
     monkeypatch.setattr(run_score, "play_one", dead_fail)
     out, page = tmp_path / "out.json", tmp_path / "out.html"
     assert main(["score", "--jobs", "1", "--json", str(out), "--html", str(page)]) == Status.STOPPED
@@ -62,6 +65,19 @@ def test_figures_of_a_suite_are_the_same_for_any_number_of_processes(tmp_path: P
         found.append(document)
     assert found[0]["suites"].keys() == {"paper"}
     assert found[0] == found[1]
+
+
+@pytest.mark.usefixtures("jobs_here")
+def test_job_that_fails_among_several_is_named_and_no_hint_promises_more() -> None:
+    ends = each(number, ["1", "x"], Workers(None), ["one", "two"])
+    assert next(ends) == (0, 1)
+    with pytest.raises(Stopped, match="1 of 2 jobs failed twice:\n  two: ValueError") as caught:
+        next(ends)
+    assert caught.value.hint == ""
+
+
+def number(text: str) -> int:
+    return int(text)
 
 
 def test_grid_with_a_hole_takes_the_suites_along_that_are_compared_with_it() -> None:

@@ -4,19 +4,19 @@ import re
 import subprocess
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from tests.support.can_ids import ADHESION_A1
 from tests.support.kit.building import COMPILERS, WARNINGS, build, make, needs_compiler, run, written
-from tests.support.kit.reading import Reading, Verdict, Why
-from tests.support.kit.streams import counted, disturbed, lines, made
+from tests.support.kit.reading import Reading, Verdict
+from tests.support.kit.streams import counted, disturbed, lines
 from tests.support.kit.trains import fd_message, odd_train, twin_train
 from tests.support.pages import ROOT
 from wrcd.bus.frame import Frame
 from wrcd.cli.main import main
-from wrcd.config.config import load_config
 from wrcd.core.configuration import Config
 from wrcd.kit.c_tables import byte_list
 from wrcd.kit.receiver import kit_message, messages
@@ -26,22 +26,15 @@ from wrcd.logs.damage import Damage
 from wrcd.logs.reader import read_log
 
 pytestmark = needs_compiler
+TIMED_OUT = "5"  # of adhesion.h
 VECTORS = ROOT / "tests/data/e2e_profile11_vectors.csv"
-# As the DBCs and the configurations say.
+# as the DBC says
 DEFAULT_US = dict.fromkeys(range(1, 5), 60_000)
-ODD_US = {1: 90_000, 7: 150_000}
 
 
 @pytest.fixture(scope="module")
 def default(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return written(tmp_path_factory.mktemp("default"))
-
-
-@pytest.fixture(scope="module")
-def odd(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Config]:
-    folder = tmp_path_factory.mktemp("odd")
-    config_file = odd_train(folder)
-    return written(folder / "kit", config_file), load_config(config_file)
 
 
 def known_frames(said: str) -> int:
@@ -99,9 +92,9 @@ def test_frame_is_used_at_once_and_not_when_it_waited_in_the_examples_queue(defa
     frame = turn(messages(config)[0])[0].hex()
     program = build(default, "queue")
     late = run(program, [f"{ms} {ADHESION_A1:x} {frame}" for ms in (61, 200)])
-    assert [Why(int(reason)) for reason in late] == [Why.TIMED_OUT, Why.TIMED_OUT]
+    assert late == [TIMED_OUT, TIMED_OUT]
     soon = run(program, [f"0 {ADHESION_A1:x} {frame}"] * 20)  # a busy computer takes one of them away
-    assert str(Why.NO_REASON.value) in soon
+    assert "0" in soon
 
 
 def test_call_of_the_readme_does_what_the_page_says_and_stands_in_the_docs(
@@ -142,15 +135,14 @@ def test_crc_agrees_with_frames_that_others_have_protected(default: Path) -> Non
     assert said == [frame[:2] for _, _, frame in rows]
 
 
-def compare(program: Path, config: Config, timeouts_us: dict[int, int], frames: Sequence[Frame]) -> Counter[object]:
-    """Every frame's verdict, and what is to be used then, by the receiver and by the reading. Returns what was seen."""
-    reading, seen = Reading(config, timeouts_us), Counter[object]()
-    asked = lines(config, frames)
-    for f, (axle, line), said in zip(frames, asked, run(program, [line for _, line in asked]), strict=True):
+def compare(program: Path, config: Config, frames: Sequence[Frame]) -> Counter[Verdict]:
+    """Every frame's verdict by the receiver and by the reading. Returns what was seen."""
+    reading, seen = Reading(config, DEFAULT_US), Counter[Verdict]()
+    asked = [line for _, line in lines(config, frames)]
+    for f, line, said in zip(frames, asked, run(program, asked), strict=True):
         verdict = reading.feed(f)
-        use = reading.poll(axle, f.stamp_us)
-        assert [*map(int, said.split())] == [verdict, *use], (line, seen.total())
-        seen.update((verdict, Why(use[1])))
+        assert int(said.split()[0]) == verdict, (line, seen.total())
+        seen[verdict] += 1
     return seen
 
 
@@ -161,27 +153,11 @@ def test_receiver_judges_a_recorded_stream_as_the_daemons_checker_does(
     assert main(["replay", str(ROOT / "tests/golden/leaf-film.log"), "-o", str(log)]) == 0
     sent = [f for f, _ in read_log(log, Damage()) if 0x91 <= f.can_id <= 0x94]
     program = build(default, "feed")
-    assert compare(program, config, DEFAULT_US, sent)[Why.NO_REASON] > 100
-    seen = compare(program, config, DEFAULT_US, disturbed(sent, seed=3))
-    assert {Verdict.CRC, Verdict.REPEAT, Verdict.AFTER_GAP, Verdict.LENGTH, Verdict.KIND} <= set(seen)
-
-
-def test_receiver_judges_all_that_may_be_said_as_the_daemons_checker_does(default: Path, config: Config) -> None:
-    frames = disturbed(made(config, 40.0, seed=1), seed=2)
-    seen = compare(build(default, "feed"), config, DEFAULT_US, frames)
-    assert set(Verdict) - set(seen) == set()
-    assert set(Why) - set(seen) <= {Why.VALIDITY}
+    assert compare(program, config, sent)[Verdict.ACCEPTED] > 100
+    longer = [replace(f, stamp_us=f.stamp_us + 5_000_000 * k) for k in range(8) for f in sent]
+    assert set(compare(program, config, disturbed(longer, seed=3))) == set(Verdict)
 
 
 def test_receiver_follows_counters_of_two_senders_as_the_daemons_checker_does(default: Path, config: Config) -> None:
-    seen = compare(build(default, "feed"), config, DEFAULT_US, counted(config, 6_000, seed=6))
+    seen = compare(build(default, "feed"), config, counted(config, 6_000, seed=6))
     assert {Verdict.ACCEPTED, Verdict.ANEW, Verdict.COUNTER, Verdict.REPEAT, Verdict.TWO_SENDERS} <= set(seen)
-    assert min(seen[Why.NO_REASON], seen[Why.SENDERS], seen[Why.MANY_DROPS]) > 100
-
-
-def test_receiver_reads_odd_messages_as_cantools_does(odd: tuple[Path, Config]) -> None:
-    folder, config = odd
-    frames = disturbed(made(config, 80.0, seed=4), seed=5)
-    seen = compare(build(folder, "feed"), config, ODD_US, frames)
-    assert {Verdict.ACCEPTED, Verdict.AFTER_GAP, Verdict.ANEW, Verdict.CRC, Verdict.TWO_SENDERS} <= set(seen)
-    assert {Why.NO_REASON, Why.MU, Why.SAMPLE_AGE, Why.CONFIDENCE, Why.NO_CLASS, Why.DEGRADED} <= set(seen)

@@ -59,10 +59,3 @@ def test_replay_explain_names_model_and_rule_of_each_slot(log_of: LogOf, tmp_pat
     # without being asked for, the table is as it was
     assert wrcd(["replay", str(log), "--csv", str(tmp_path / "b.csv")]) == 0
     assert "dominant_rule" not in (tmp_path / "b.csv").read_text().splitlines()[0]
-
-
-def test_design_command_without_an_output_is_an_error(capsys: pytest.CaptureFixture[str]) -> None:
-    assert sim_ecu(["design"]) == 2
-    assert "-o: is missing" in capsys.readouterr().err
-    assert sim_ecu(["design", "--config", "metr", "-o", "x.json"]) == 2
-    assert "metro" in capsys.readouterr().err

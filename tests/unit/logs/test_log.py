@@ -99,14 +99,6 @@ def test_frames_that_candump_itself_lost_are_told_and_no_damage(tmp_path: Path) 
     assert damage.warnings(log) == [f"{log}: its recorder says that it lost 9 frames"]
 
 
-@pytest.mark.parametrize("content", [b"", b"\n\n", b"\x00\xff" * 50, b"not a log\n"])
-def test_log_without_a_frame_is_an_error(tmp_path: Path, content: bytes) -> None:
-    log = tmp_path / "empty.log"
-    log.write_bytes(content)
-    with pytest.raises(InputError, match="not one readable frame"):
-        read(log)
-
-
 @pytest.mark.parametrize("name", ["nowhere.log", "nowhere.asc", "nowhere.db", "nowhere.mf4.gz"])
 def test_missing_log_is_an_error_and_is_not_made(name: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no such log"):

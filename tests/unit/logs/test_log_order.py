@@ -62,7 +62,7 @@ def test_log_that_gets_out_of_order_later_is_sorted_from_there(seed: int) -> Non
 
 
 def test_log_out_of_order_by_more_is_refused() -> None:
-    with pytest.raises(InputError, match="out of time order by more than 1 s, from frame"):
+    with pytest.raises(InputError, match="out of time order"):
         put(shuffled(3, 10_000_000))
 
 
@@ -82,18 +82,6 @@ def test_step_of_the_clock_is_told_and_stays(step_us: int, by_columns: bool) -> 
 
 def two_channels() -> list[Item]:
     return list(stretches([(f, "can1" if k % 3 == 0 else "can0") for k, (f, _) in enumerate(FRAMES[:3000])]))
-
-
-@pytest.mark.parametrize(
-    ("wanted", "reason"),
-    [
-        (None, r"has several channels: can0 \(2000 frames\), can1 \(1000 frames\)"),
-        ("can2", r"has no frame on can2, but on can0 \(2000 frames\), can1"),
-    ],
-)
-def test_channel_that_cannot_be_told_or_is_not_there_is_refused(wanted: str | None, reason: str) -> None:
-    with pytest.raises(InputError, match=reason):
-        list(on_channel(two_channels(), wanted, LOG))
 
 
 def test_wanted_channel_is_read_alone() -> None:

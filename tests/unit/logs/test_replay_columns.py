@@ -30,7 +30,7 @@ def by_columns(log: Path) -> tuple[list[str], object, Damage]:
 
 def by_frames(log: Path) -> tuple[list[str], object, Damage]:
     core, damage = Core(load_config(None)), Damage()
-    out = [f"{o.frame} {o.cause.name} {c}" for o, c in outgoing(core, read_log(log, damage), None)]
+    out = [f"{o.frame} {o.cause.name} {c}" for o, c in outgoing(core, read_log(log, damage))]
     out += [c.csv_line for c in core.events.since(0)]
     return out, core.counts, damage
 

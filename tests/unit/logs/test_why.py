@@ -3,7 +3,6 @@
 import json
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -62,11 +61,6 @@ def test_old_detail_is_not_told(config: Config) -> None:
     assert explain(made, 1, at_s(1.9)).winner == 0
 
 
-def test_unknown_axle_is_an_error(ride: Ride) -> None:
-    with pytest.raises(InputError, match="nothing of axle 7"):
-        explain(ride.sent, 7, ride.sent.begin_us)
-
-
 def test_newest_takes_no_older_one() -> None:
     times = np.array([10, 20, 30], np.int64)
     assert newest(times, 25, 5) == 1
@@ -85,7 +79,7 @@ def test_seconds_are_after_the_first_frame_or_since_1970(ride: Ride) -> None:
     assert moment(s, 9.3) == s.begin_us + 9_300_000
     assert moment(s, BEGIN_US / 1e6 + 9.3) == BEGIN_US + 9_300_000
     for outside in (-1.0, 99.0, BEGIN_US / 1e6 + 99):
-        with pytest.raises(InputError, match="is not within the log"):
+        with pytest.raises(InputError, match="SECONDS: "):
             moment(s, outside)
     with pytest.raises(InputError):
         moment(s, BEGIN_US / 1e6 + 9.3, relative=True)
@@ -107,13 +101,6 @@ def test_answer_names_the_fall_and_what_decided_before_and_after(lone_ride: Ride
     assert f"rule {before.rule}: If" in text
     assert f"rule {after.rule}: If" in text
     assert "frames of the log" in text
-
-
-def test_answer_far_from_any_change_says_so(config: Config) -> None:
-    made = story(config, axle(adhesion(np.full(500, 30.0)), detail(500)))
-    text = "\n".join(answer(made, 1, at_s(5)))
-    assert "none that lasts within 10 s" in text
-    assert "the same model and rule" in " ".join(text.split())
 
 
 def test_head_claims_of_a_state_only_what_the_newest_frame_says_too(config: Config) -> None:
@@ -168,13 +155,6 @@ def test_command_answers_for_a_program(ride: Ride, capsys: pytest.CaptureFixture
     assert one["before"]["rule_sentence"].startswith("If ")
     assert one["now"]["truth_available_pct"] == pytest.approx(2.68, abs=0.1)
     assert next(e["validity"] for e in one["events"]) == "Valid"
-
-
-def test_command_says_what_is_odd_in_the_log(ride: Ride, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    log = tmp_path / "cut.log"
-    log.write_bytes(ride.both.read_bytes()[:-9])
-    assert main(["why", str(log), "3"]) == 1
-    assert "wrcd: warning:" in capsys.readouterr().err
 
 
 def test_moment_after_the_last_frame_does_not_contradict_itself(config: Config) -> None:

@@ -201,8 +201,8 @@ def test_message_without_what_a_controller_needs_is_never_used(lacks: str) -> No
     output = replace(axle.adhesion, signals=signals, data_id=None if lacks == "E2E" else axle.adhesion.data_id)
     poor = replace(CONFIG, axles=(replace(axle, adhesion=output),))
     r = careful(poor)
-    assert r.unusable == f"Adhesion_A1 carries no {lacks}"
+    assert lacks in str(r.unusable)
     hear(r, frames(2))
     assert r.adhesion(CYCLE_US) is None
-    with pytest.raises(InputError, match=f"carries no {lacks}: no base for a controller — "):
+    with pytest.raises(InputError, match=lacks):
         make_controller("thresholds", Facts((1,), Wheelset(), Actuators()), poor)

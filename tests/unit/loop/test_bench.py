@@ -17,7 +17,6 @@ from tests.support.loop_wire import TIMINGS, stop_in_lockstep
 
 PAGES = Path(__file__).parents[3] / "docs/how-to"
 WET = scenario(rail="C", demand=-1.0, speed_m_s=10.0, duration_s=1.0)
-WRONG: list[Any] = [None, 7]  # a torque and a valve that are none
 
 
 def blocks() -> list[str]:
@@ -174,37 +173,6 @@ def test_packaged_scenario_with_keys_keeps_the_rest() -> None:
     theirs = load_drive_scenario("brake-wet")
     assert (s.train.duration_s, s.driver) == (3.0, theirs.driver)
     assert s.train.axles[0].seed != theirs.train.axles[0].seed
-
-
-@pytest.mark.parametrize(
-    ("call", "said"),
-    [
-        (lambda: Bench("brake-wat"), "no scenario to drive 'brake-wat' — did you mean 'brake-wet'?"),
-        (lambda: scenario(rail="Z", demand=0.0), "keyword arguments: rail[1].curve: is 'Z', not one of A, B"),
-        (lambda: scenario(rail="A", demand=2.0), "driver.demand: takes a number from -1 to 1, not 2"),
-        (lambda: scenario(rail="A", demand=0.0, speed=3.0), "speed: unknown key"),
-        (lambda: scenario(demand=0.0), "axle 1 has no rail"),
-        (lambda: Bench(WET, controller="treshold"), "there is no controller 'treshold' — did you mean 'thresholds'?"),
-        (lambda: Bench(WET, controller="thresholds", with_adhesion=True), "with_adhesion needs a daemon"),
-        (lambda: Bench(WET, daemon=True, with_adhesion=True), "with_adhesion is of a controller by name"),
-        (lambda: Bench(WET, daemon="nowhere.toml"), "nowhere.toml: no such file"),
-        (lambda: Bench(WET).demand(2, 0.0), "there is no axle 2 — axles: 1"),
-        (lambda: Bench(WET).demand(1, float("nan")), "torque_N_m: takes a finite torque, not nan"),
-        (lambda: Bench(WET).demand(1, WRONG[0]), "torque_N_m: takes a finite torque, not None"),
-        (lambda: Bench(WET).demand(1, 0.0, WRONG[1]), "valve: takes Valve.FILL, Valve.HOLD, Valve.VENT, not 7"),
-        (lambda: Bench(WET, controller="none").demand(1, 0.0), "the attached controller demands here"),
-        (lambda: Bench(WET).run(float("nan")), "seconds: takes seconds, not nan"),
-        (lambda: Bench(WET).truth(1), "nothing is known before the first step"),
-        (lambda: Bench(WET).figures(), "there are no figures before the first step"),
-        (lambda: Bench(WET).adhesion(1), "there is no daemon — Bench(…, daemon=True)"),
-        (lambda: Bench(WET).column("torque"), "a step has no 'torque' — did you mean 'torque_N_m'?"),
-    ],
-)
-def test_mistake_is_named(call: object, said: str) -> None:
-    assert callable(call)
-    with pytest.raises(InputError) as e:
-        call()
-    assert said in str(e.value)
 
 
 @pytest.mark.night

@@ -200,29 +200,25 @@ def watched(speeds: Sequence[float], seconds: float) -> tuple[ProtectionWatch, l
 def test_train_that_stands_each_axle_is_released_once_in_turn() -> None:
     watch, torques, lines = watched((0.0, 0.0), 5.0)
     assert all(max(t) == FACTS.full_brake_N_m for t in torques)  # never both
-    assert [line for line in lines if "reference" in line] == [
-        "axle 1: released to prove the reference speed", "axle 2: released to prove the reference speed",
-        "reference speed proved",
-    ]  # fmt: skip
+    assert [line.partition(":")[0] for line in lines if "released" in line] == ["axle 1", "axle 2"]
+    assert [line for line in lines if "proved" in line] == lines[-1:]
     assert torques[-1] == [FACTS.full_brake_N_m] * 2
-    assert watch.summary()[1] == "reference speed  lost 0 times, axles released 2 times to prove it"
+    assert "released 2 times" in watch.summary()[1]
 
 
 def test_wheel_that_runs_as_the_train_can_proves_without_release() -> None:
     watch, torques, lines = watched((15.0, 15.0), 1.0)
     assert torques == [[FACTS.full_brake_N_m] * 2] * len(torques)
     assert lines == []
-    assert watch.summary()[1] == "reference speed  lost 0 times, axles released 0 times to prove it"
+    assert "released 0 times" in watch.summary()[1]
 
 
 def test_wheel_speed_stuck_at_zero_protection_goes_off_and_is_told() -> None:
     watch, torques, lines = watched((15.0, 0.0), 12.0)
     assert torques[-1][1] == FACTS.full_brake_N_m
-    assert [line for line in lines if "axle 2" in line] == [
-        "axle 2: guard: no brake for 3 s, applied for 0.5 s", "axle 2: guard: no brake for 3 s, applied for 0.5 s",
-        "axle 2: protection off: its wheel speed never rose without brake",
-    ]  # fmt: skip
-    assert watch.summary()[0] == "guard acted      axle 2: 2 times"
+    mine = [line.split(": ")[1] for line in lines if line.startswith("axle 2")]
+    assert mine == ["guard", "guard", "protection off"]
+    assert watch.summary()[0].endswith("axle 2: 2 times")
 
 
 def test_no_wheel_heard_drive_and_cylinder_brake_as_asked() -> None:

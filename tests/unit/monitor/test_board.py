@@ -1,8 +1,11 @@
 """The screen as text: what is where, at any size, without colour."""
 
+import re
+
 import pytest
 
 from tests.support.daemon_frames import DEGRADED, GOOD, NOTHING, START_US, DaemonFrames
+from tests.support.snapshots import assert_kept
 from wrcd.bus.dbc import find_message
 from wrcd.core.configuration import Config
 from wrcd.logs.why import explain
@@ -47,24 +50,24 @@ def at(model: BusModel, seconds: float) -> ScreenView:
     return view
 
 
-def test_silent_daemon_is_said_in_words(model: BusModel) -> None:
-    text = shown(model, 80, 24)
-    assert "no Adhesion frame for 3.2 s" in text
-    assert text.count("Silent") >= 4
+DOWN = SourceState("socketcan:can0", "live", "Down", 17)
 
 
-def test_small_screen_shows_every_part(model: BusModel) -> None:
-    text = shown(model, 80, 24, at(model, 8.0))
-    for part in ("30.0 %", "27.0…33.0", "10.0 %", "Adhering", "Dry", "Valid", "residuals, dB", "rule 7", "wins",
-                 "yaw rate", "reach", "refused", "PAUSED 10.4 s ago", "load ", "lost 0", "8.0 s", "available",
-                 "in use", "? help", "q quit"):  # fmt: skip
-        assert part in text, part
-    assert all(len(line) <= 80 for line in text.split("\n"))
-
-
-def test_cause_is_told_in_words_where_there_is_room(model: BusModel) -> None:
-    assert "TooLittl" in shown(model, 80, 24, at(model, 9.1))
-    assert "too few measurements in the window" in shown(model, 160, 50, at(model, 9.1))
+@pytest.mark.parametrize(
+    ("size", "seconds", "source"),
+    [
+        ((80, 24), None, LIVE), ((80, 24), 8.0, LIVE), ((60, 19), 9.1, LIVE), ((160, 50), 9.1, LIVE),
+        ((80, 24), 0.5, DOWN), ((80, 24), 14.0, LIVE), ((80, 24), 18.0, LIVE), ((59, 19), 8.0, LIVE),
+    ],
+)  # fmt: skip
+def test_screen_is_as_it_was(
+    model: BusModel, size: tuple[int, int], seconds: float | None, source: SourceState
+) -> None:
+    """Of now, where the daemon is silent; Valid; Degraded, whose cause has room or not; the link down, frames lost."""
+    text = shown(model, *size, None if seconds is None else at(model, seconds), source)
+    text = re.sub(r"\b\d\d:\d\d:\d\d\b", "HH:MM:SS", text)  # of the computer's time zone
+    title = f"{size[0]} by {size[1]}, {'now' if seconds is None else f'{seconds:g} s'}"
+    assert_kept("screens", title, (line.rstrip() for line in text.split("\n")))
 
 
 @pytest.mark.parametrize("size", [(60, 19), (80, 24), (100, 30), (132, 43), (200, 60), (400, 120)])
@@ -88,29 +91,6 @@ def test_parts_of_a_layout_do_not_overlap(axles: int, size: tuple[int, int]) -> 
         assert all(x < size[0] and y < size[1] for x, y in cells)
         taken |= cells
     assert not {(x, y) for x in range(size[0]) for y in (places.scale.y, places.strip.y)} & taken
-
-
-def test_screen_that_is_too_small_says_so(model: BusModel) -> None:
-    assert "needs 60 columns and 19 lines; this is 59 by 19" in shown(model, 59, 19)
-
-
-@pytest.mark.parametrize(
-    ("seconds", "sign", "state", "available"),
-    [(0.5, "○", "NotAvailable", "–"), (5.0, "●", "Valid", "30.0 %"), (9.1, "◐", "Degraded", "15.0 %"),
-     (14.0, "●", "Valid", "5.0 %"), (18.0, "·", "Silent", "–")],
-)  # fmt: skip
-def test_state_at_the_cursor_has_a_sign_and_a_word(
-    model: BusModel, seconds: float, sign: str, state: str, available: str
-) -> None:
-    line = shown(model, 80, 24, at(model, seconds)).split("\n")[3]
-    assert line[3:].split()[:2] == [sign, state]
-    assert line[19:].startswith(available)
-
-
-def test_lost_frames_and_a_link_that_is_down_are_shown(model: BusModel) -> None:
-    text = shown(model, 80, 24, source=SourceState("socketcan:can0", "live", "Down", 17))
-    assert "lost 17" in text
-    assert "link Down" in text
 
 
 def test_fall_is_found_and_explained_as_by_wrcd_why(model: BusModel) -> None:

@@ -115,7 +115,7 @@ def test_bus_that_is_not_there_is_a_clear_error() -> None:
 
 def test_reader_that_cannot_start_is_a_clear_error(capfd: pytest.CaptureFixture[str]) -> None:
     source = ReaderProcess("socketcan", "can0", True, module="wrcd.no_such_module")
-    with pytest.raises(BusError, match="its reader did not start"):
+    with pytest.raises(BusError, match="channel: "):
         source.wait_open()
     assert "no_such_module" in capfd.readouterr().err
 
@@ -199,12 +199,11 @@ def test_estimate_goes_on_over_a_clock_that_was_set_back(config: Config, tmp_pat
     assert len(model.axles[0].held.adhesion) == pytest.approx(len(before.axles[0].held.adhesion), abs=60)
 
 
-def test_recorders_log_is_estimated_from_the_state_beside_it(config: Config, tmp_path: Path) -> None:
-    """As a story has it: a core that began with the log would be warming up."""
+def test_log_without_the_daemons_frames_is_estimated(config: Config, tmp_path: Path) -> None:
+    """As a story has it."""
     train = RecordedTrain(config, tmp_path, seconds=6.0)
-    train.run(8000)
+    train.run(3000)
     log = train.asked()
-    # what the daemon sent is not in it; its lines are as many as the state says
     frames = [replace(f, can_id=UNMAPPED) if f.can_id in SENDABLE else f for f, _ in read_log(log, Damage())]
     log.write_text("".join(f"{format_line(f, 'can0')}\n" for f in frames))
     begun, _ = model_of_log(log, config, [], None, 500_000)
@@ -217,9 +216,6 @@ def test_recorders_log_is_estimated_from_the_state_beside_it(config: Config, tmp
     assert a.validity.tolist() == says.validity.tolist()
     np.testing.assert_array_equal(a.available_pct, says.available_pct)
     assert begun.load.frames == sum(1 for _ in read_log(log, Damage()))
-    log.with_suffix(".state.json").unlink()
-    anew, _ = model_of_log(log, config, [], None, 500_000)
-    assert anew.axles[0].held.adhesion.validity.tolist() != a.validity.tolist()
 
 
 def test_log_that_is_not_there_is_an_input_error(config: Config, tmp_path: Path) -> None:

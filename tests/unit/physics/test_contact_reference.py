@@ -139,9 +139,11 @@ def test_the_locomotives_measured_adhesion() -> None:
     ("key", "value", "named"),
     [
         ("a_over_b", 2.0, "a_over_b is 2, but"), ("a_over_b", 12.0, "beyond Kalker's table"),
-        ("a_over_b", np.nan, "beyond Kalker's table"), ("semi_axis_a_mm", -6.0, "axes"),
-        ("semi_axis_b_mm", 0.0, "axes"), ("normal_load_N", np.nan, "load"), ("shear_modulus_MPa", np.inf, "shear"),
-        ("friction", 0.0, "friction"), ("k_A", 0.0, "k_A"),
+        ("a_over_b", np.nan, "beyond Kalker's table"), ("semi_axis_a_mm", -6.0, "semi_axis_a_mm is -6,"),
+        ("semi_axis_b_mm", 0.0, "semi_axis_b_mm is 0,"), ("normal_load_N", np.nan, "normal_load_N is nan,"),
+        ("shear_modulus_MPa", np.inf, "shear_modulus_MPa is inf,"), ("friction", 0.0, "friction is 0,"),
+        ("k_A", 0.0, "k_A is 0,"), ("k_S", -1.0, "k_S is -1,"), ("creep_x", np.inf, "creep_x is inf,"),
+        ("creep_y", np.nan, "creep_y is nan,"),
     ],
 )  # fmt: skip
 def test_case_that_is_none_is_an_error(key: str, value: float, named: str) -> None:

@@ -11,16 +11,7 @@ from sim_ecu.physics.contact import CURVES
 from sim_ecu.physics.rail import BLEND_M, CURVATURE, CURVATURE_SLOPE, RailSection, rail_at, rail_table
 from sim_ecu.physics.simulation import Axle, Simulation
 from sim_ecu.physics.track import Track
-from sim_ecu.physics.wheelset import (
-    GRAVITY,
-    LAT_ACCEL,
-    PSI,
-    THETA,
-    YAW_RATE,
-    FloatArray,
-    Wheelset,
-    Y,
-)
+from sim_ecu.physics.wheelset import GRAVITY, LAT_ACCEL, PSI, THETA, YAW_RATE, FloatArray, Wheelset, Y
 
 W = Wheelset()
 DRY = CURVES["A"]

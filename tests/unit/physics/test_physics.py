@@ -48,13 +48,7 @@ def rail(curve: CreepCurve, curvature: float = 0.0, cant: float = 0.0) -> FloatA
 
 
 def simulate(
-    curve: str,
-    drive: Command,
-    speed: FloatArray,
-    start: float,
-    scale: float = 1.0,
-    seed: int = 1,
-    quality: float = 1.0,
+    curve: str, drive: Command, speed: FloatArray, start: float, scale: float = 1.0, seed: int = 1, quality: float = 1.0
 ) -> FloatArray:
     axle = Axle(rail(CURVES[curve]), Track(QUALITY["good"] * quality, seed))
     return Simulation(W, [axle], start, step_scale=scale).advance(drive, speed).outputs[:, 0]

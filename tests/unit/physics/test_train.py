@@ -182,7 +182,7 @@ def test_a_scenario_that_makes_no_sense_is_refused(text: str, key: str, hint: st
 
 
 def test_the_first_section_has_no_transition() -> None:
-    with pytest.raises(InputError, match="none to come from"):
+    with pytest.raises(InputError, match="transition_m: "):
         read_scenario(parse_toml('drive = { creep = 0 }\nrail = [{ curve = "A", transition_m = 9 }]', "x"), "x")
 
 

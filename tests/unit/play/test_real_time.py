@@ -36,5 +36,5 @@ def test_step_of_a_computer_that_never_catches_up_returns() -> None:
             steps += 1
             assert steps < 1000
         assert rig.tally.frames > 400
-        assert "too slow, or busy: frames came up to 59.99 s late" in rig.tally.too_slow
+        assert "59.99 s late" in rig.tally.too_slow
     assert PlayTally(latest_us=BUSY_US).too_slow == ""

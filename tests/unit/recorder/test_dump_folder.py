@@ -10,11 +10,10 @@ import pytest
 
 from tests.support.recorded_train import RecordedTrain
 from wrcd.core.configuration import Config
-from wrcd.recorder.dump_folder import Bound, write_dump, write_new
+from wrcd.recorder.dump_folder import write_dump
 from wrcd.recorder.writer import Child
 
-UNBOUND = Bound(1000, 1 << 30)
-SUFFIXES = (".log", ".state.json", ".events.csv")
+SUFFIXES = (".log", ".events.csv")
 
 
 def names(folder: Path) -> list[str]:
@@ -25,15 +24,16 @@ def test_bound_of_the_folder_removes_the_oldest_dumps(tmp_path: Path) -> None:
     stranger = tmp_path / "notes.txt"
     stranger.write_text("mine")
     for i in range(5):
-        write_dump(tmp_path, f"wrcd-can0-2026112{9 - i}T000000Z-exit", b"l" * 600, b"s" * 400, b"", Bound(3, 10**6))
+        write_dump(tmp_path, f"wrcd-can0-2026112{9 - i}T000000Z-asked", [b"l" * 600], b"e" * 400, 3, 10**6)
         assert len(list(tmp_path.glob("wrcd-*.log"))) <= 3
-    kept = {f"wrcd-can0-2026112{9 - i}T000000Z-exit{s}" for i in (2, 3, 4) for s in SUFFIXES}
+    kept = {f"wrcd-can0-2026112{9 - i}T000000Z-asked{s}" for i in (2, 3, 4) for s in SUFFIXES}
     assert set(names(tmp_path)) == {*kept, "notes.txt"}  # by when they were written, not by what a clock said
-    write_dump(tmp_path, "wrcd-can1-20261130T000000Z-asked", b"l" * 600, b"s" * 400, b"", Bound(3, 2500))
+    write_dump(tmp_path, "wrcd-can1-20261130T000000Z-asked", [b"l" * 600], b"e" * 400, 3, 2500)
     assert len(list(tmp_path.glob("wrcd-*.log"))) == 2
     with pytest.raises(OSError, match="too large"):
-        write_dump(tmp_path, "wrcd-can1-20261131T000000Z-asked", b"l" * 3000, b"", b"", Bound(3, 2500))
+        write_dump(tmp_path, "wrcd-can1-20261131T000000Z-asked", [b"l" * 1000] * 3, b"", 3, 2500)
     assert len(list(tmp_path.glob("wrcd-*.log"))) == 2
+    assert not [n for n in names(tmp_path) if n.endswith(".part")]
     assert stranger.read_text() == "mine"
 
 
@@ -41,24 +41,13 @@ def test_symbolic_link_is_not_followed(tmp_path: Path) -> None:
     folder, victim = tmp_path / "dumps", tmp_path / "victim"
     folder.mkdir()
     victim.write_text("precious")
-    (folder / "new").symlink_to(victim)
-    at = os.open(folder, os.O_RDONLY)
-    with pytest.raises(FileExistsError):
-        write_new(at, "new", b"worthless")
-    os.close(at)
     name = "wrcd-can0-20261121T172446Z-asked"
-    for planted in (
-        f".{name}.log.part",
-        f".{name}.state.json.part",
-        f"{name}.log",
-        f"{name}.state.json",
-        f"{name}.events.csv",
-    ):
+    for planted in (f".{name}.log.part", f".{name}.events.csv.part", f"{name}.log", f"{name}.events.csv"):
         (folder / planted).symlink_to(victim)
     (folder / "wrcd-can0-20251121T172446Z-asked.log").symlink_to(victim)
-    write_dump(folder, name, b"log", b"state", b"events", Bound(1, 10**6))
+    write_dump(folder, name, [b"log"], b"events", 1, 10**6)
     assert victim.read_text() == "precious"
-    for suffix, text in ((".log", "log"), (".state.json", "state"), (".events.csv", "events")):
+    for suffix, text in zip(SUFFIXES, ("log", "events"), strict=True):
         made = (folder / (name + suffix)).lstat()
         assert stat.S_ISREG(made.st_mode)
         assert stat.S_IMODE(made.st_mode) == 0o600
@@ -67,13 +56,14 @@ def test_symbolic_link_is_not_followed(tmp_path: Path) -> None:
 
 
 def test_partial_file_of_a_killed_process_is_removed(tmp_path: Path) -> None:
-    (tmp_path / ".wrcd-can0-20261120T000000Z-exit.log.part").write_text("half")
-    (tmp_path / ".wrcd-can1-20261120T000000Z-exit.log.part").write_text("another daemon is writing this")
-    write_dump(tmp_path, "wrcd-can0-20261121T172446Z-asked", b"log", b"state", b"events", UNBOUND)
-    assert [n for n in names(tmp_path) if n.endswith(".part")] == [".wrcd-can1-20261120T000000Z-exit.log.part"]
+    (tmp_path / ".wrcd-can0-20261120T000000Z-asked.log.part").write_text("half")
+    (tmp_path / ".wrcd-can1-20261120T000000Z-asked.log.part").write_text("another daemon is writing this")
+    write_dump(tmp_path, "wrcd-can0-20261121T172446Z-asked", [b"log"], b"events", 1000, 1 << 30)
+    assert [n for n in names(tmp_path) if n.endswith(".part")] == [".wrcd-can1-20261120T000000Z-asked.log.part"]
 
 
 def test_unwritable_folder_is_logged_once_and_tried_again(config: Config, tmp_path: Path) -> None:
+    """Meanwhile the loop sends as ever."""
     folder = tmp_path / "file"
     folder.write_text("not a folder")
     train = RecordedTrain(config, folder)
@@ -99,15 +89,15 @@ def test_full_disk_leaves_no_file(tmp_path: Path) -> None:
     program = (
         "import resource, signal, sys\n"
         "from pathlib import Path\n"
-        "from wrcd.recorder.dump_folder import Bound, write_dump\n"
+        "from wrcd.recorder.dump_folder import write_dump\n"
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))\n"
         "try:\n"
-        "    write_dump(Path(sys.argv[1]), 'wrcd-c-20261121T172446Z-asked', b'l' * 9999, b's', b'', Bound(9, 99999))\n"
+        "    write_dump(Path(sys.argv[1]), 'wrcd-c-20261121T172446Z-asked', [b'l' * 9999], b'e', 9, 99999)\n"
         "except OSError as e:\n"
         "    sys.exit(e.errno)\n"
     )
-    assert Child([sys.executable, "-c", program, str(tmp_path)]).wait(10, lambda: None) == "File too large"
+    assert Child([sys.executable, "-c", program, str(tmp_path)]).wait(10) == "File too large"
     assert names(tmp_path) == []
 
 
@@ -119,7 +109,7 @@ def test_hanging_process_is_killed() -> None:
         time.sleep(0.01)
     assert said == "it took too long"
     with pytest.raises(ProcessLookupError):
-        os.kill(child.pid, 0)
+        os.kill(child._process.pid, 0)
 
 
 def test_process_inherits_no_socket_and_blocks_signals(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -139,14 +129,14 @@ def test_process_inherits_no_socket_and_blocks_signals(monkeypatch: pytest.Monke
         "os._exit('NOTIFY_SOCKET' in os.environ)\n"
     )
     os.pwrite(given, b"hello", 0)
-    assert Child([sys.executable, "-c", program], (given,)).wait(10, lambda: None) == ""
+    assert Child([sys.executable, "-c", program], (given,)).wait(10) == ""
     assert not os.get_inheritable(given)
     for fd in (given, reader, writer):
         os.close(fd)
 
 
 def test_failure_of_a_process_is_named_by_its_exit_status() -> None:
-    for status, says in ((28, "No space left on device"), (254, "its frames were overwritten meanwhile")):
-        assert Child([sys.executable, "-c", f"import os; os._exit({status})"]).wait(10, lambda: None) == says
+    for status, says in ((28, "No space left on device"), (1, "failed")):
+        assert Child([sys.executable, "-c", f"import os; os._exit({status})"]).wait(10) == says
     with pytest.raises(OSError, match="No such file"):
         Child(["/nowhere/python"])

@@ -15,7 +15,6 @@ from sim_ecu.score.score_goals import goals
 from sim_ecu.score.score_play import Trace
 from sim_ecu.score.sections import apart
 from sim_ecu.score.suites.broken import BOTH_DIE
-from tests.support.interval_coverage import RUNS, SAMPLES, coverage
 from wrcd.core.causes import Cause
 
 
@@ -275,17 +274,6 @@ def test_intervals_come_from_runs_and_not_from_frames() -> None:
     assert math.isnan(bootstrap.mean(level[:1], np.zeros(1, int)).low)
 
 
-@pytest.mark.parametrize("runs", RUNS)
-@pytest.mark.parametrize("values", SAMPLES)
-def test_intervals_of_few_runs_hold_the_truth_nine_times_of_ten(values: str, runs: int) -> None:
-    """300 samples each: a share of 0.9 comes out between 0.85 and 0.95 in all but one case of two hundred."""
-    found = coverage(values, runs, 300)
-    assert 0.85 <= found.mean <= 0.97
-    assert math.isnan(found.median) or 0.85 <= found.median <= 0.985
-    if runs < 40:
-        assert found.percentile < 0.87  # what the intervals would be without
-
-
 def test_intervals_of_ratios_of_few_runs_hold_the_truth() -> None:
     """Runs of unequal length, whose errors go with each other in two worlds."""
     rng = np.random.default_rng(3)
@@ -297,12 +285,6 @@ def test_intervals_of_ratios_of_few_runs_hold_the_truth() -> None:
         f = bootstrap.ratio(worse, runs, level, runs)
         held += f.low <= 1.2 * math.exp(0.045) <= f.high
     assert 0.85 <= held / 200 <= 0.97
-
-
-def test_two_runs_that_are_nearly_alike_do_not_make_an_interval_endless() -> None:
-    """Of five runs a tenth of all drawings has two runs alone."""
-    found = bootstrap.mean(np.array([0.5, 0.5 + 1e-7, 0.3, 0.9, 0.7]), np.arange(5))
-    assert 0.0 < found.low < found.value < found.high < 3.0
 
 
 def test_intervals_end_where_the_figure_does() -> None:

@@ -8,6 +8,7 @@ import pytest
 from tests.support.can_ids import ADHESION, ADHESION_A1, LAT_ACCEL_A1, WRCD_STATUS, YAW_RATE_A1
 from tests.support.scripted_link import ScriptedLink
 from tests.support.sensor_simulator import MS, SensorSimulator
+from tests.support.snapshots import assert_kept
 from wrcd.bus.reasons import Reason
 from wrcd.config.config import load_config
 from wrcd.service.journal import CounterLog
@@ -62,34 +63,6 @@ def test_rejected_frames_are_logged_once_a_second(log: Log) -> None:
     assert seconds - 1 <= len(lines) <= seconds + 1
 
 
-def test_change_of_validity_is_logged_with_its_input_and_figures(log: Log) -> None:
-    sim = log.sim
-    sim.run(1500)
-    begin = log.look()
-    assert [line for line in begin if "axle 1" in line] == [
-        "axle 1: NotAvailable, WarmingUp: 0.02 s of the window's 1 s",
-        "axle 1: NotAvailable -> Valid",
-    ]
-    assert [line for line in begin if "axle 4" in line] == [
-        "axle 4: NotAvailable, InputSilent: yaw rate YawRate_A4.YawRate has not come; lateral acceleration "
-        "LatAccel_A4.LatAccel has not come; and 1 more"
-    ]
-    assert len(begin) == 5
-    sim.yaw_status = 1
-    sim.run(1500)
-    assert log.look() == [
-        "axle 1: Valid -> Degraded, SensorDegraded: yaw rate YawRate_A1.YawRate: the status says Degraded"
-    ]
-    sim.yaw_status = 0
-    sim.run(2000)
-    assert log.look() == ["axle 1: Degraded -> Valid"]
-    while sim.speed > 1.0:
-        sim.speed -= 0.2
-        sim.run(20)
-    standstill = "axle 1: Valid -> NotAvailable, Standstill: speed VehicleSpeed.Speed 2.80 m/s, limit 3"
-    assert log.look(2000)[-1] == standstill
-
-
 def test_flapping_validity_is_logged_at_most_once_a_second_per_cause_with_a_count(log: Log) -> None:
     """Five late frames in a row, three times a second."""
     sim = log.sim
@@ -138,24 +111,6 @@ def test_last_change_of_a_flapping_axle_is_what_it_is_now(log: Log) -> None:
     assert log.look(5000) == []
 
 
-def test_foreign_frames_under_own_ids_are_logged_once_a_second(log: Log) -> None:
-    log.look(1000)
-    health = log.link.health
-    for _ in range(50):
-        health.foreign(ADHESION_A1)
-    assert log.look() == [
-        "somebody else sends Adhesion_A1 (0x091): 50 frames in the last second; is another wrcd on this bus?"
-    ]
-    assert log.look(3000) == []
-    for can_id in (*ADHESION.values(), WRCD_STATUS):
-        health.foreign(can_id)
-    health.foreign(WRCD_STATUS)
-    assert log.look() == [
-        "somebody else sends WrcdStatus (0x0B0), Adhesion_A1 (0x091), Adhesion_A2 (0x092) and 2 more: 6 frames in the "
-        "last second; is another wrcd on this bus?"
-    ]
-
-
 def test_flapping_link_is_logged_at_most_once_a_second_per_state(log: Log) -> None:
     assert log.look() == []
     log.link.health.state = "Down"
@@ -171,53 +126,50 @@ def test_flapping_link_is_logged_at_most_once_a_second_per_state(log: Log) -> No
     assert log.link.health.up
 
 
-def test_counter_gain_is_logged_once_a_second(log: Log) -> None:
-    log.link.health.drops = 5
-    assert log.look() == ["lost 5 received frames: the kernel's buffer was full, see 80-wrcd.conf"]
-    log.link.health.drops = 6
-    assert log.look(100) == []
-    log.link.health.drops = 9
-    assert log.look(1000) == ["lost 4 received frames: the kernel's buffer was full, see 80-wrcd.conf"]
-    log.link.health.drops = 0  # set back at the end of the start
-    assert log.look(2000) == []
-    log.link.health.drops = 1
-    assert log.look(2000) == ["lost 1 received frames: the kernel's buffer was full, see 80-wrcd.conf"]
+def test_lines_of_counts_and_of_validity_are_those_of_the_snapshot(log: Log) -> None:
+    """Each step and what is written of it: a count at most once a second, and nothing where nothing grew."""
+    sim, health, counts = log.sim, log.link.health, log.sim.core.counts
+    told: list[str] = []
 
+    def step(what: str, ms: int = 0) -> None:
+        told.extend((f"- {what}", *log.look(ms)))
 
-def test_unsent_frames_of_a_dead_bus_are_not_logged(log: Log) -> None:
-    log.link.health.state = "BusOff"
-    log.look()
-    log.link.health.unsent = 500
-    assert log.look(3000) == []
-    log.link.health.state = "Up"
-    log.link.health.unsent = 503
-    assert log.look(2000) == ["the CAN link is up", "could not send 3 frames"]
-
-
-def test_reasons_beyond_the_sixth_are_summed_up(log: Log) -> None:
-    log.look(1000)
+    sim.run(1500)
+    step("a window")
+    sim.yaw_status = 1
+    sim.run(1500)
+    step("the gyro says Degraded")
+    sim.yaw_status = 0
+    sim.run(2000)
+    step("and is well")
+    while sim.speed > 1.0:
+        sim.speed -= 0.2
+        sim.run(20)
+    step("the train stops", 2000)
+    for can_ids, what in (([ADHESION_A1] * 50, "of one id"), ([*ADHESION.values(), *[WRCD_STATUS] * 2], "of many")):
+        for can_id in can_ids:
+            health.foreign(can_id)
+        step(f"somebody else's frames {what}")
+        step("nothing", 3000)
+    for drops, ms in ((5, 0), (6, 100), (9, 1000), (0, 2000), (1, 2000)):  # 0: set back at the end of the start
+        health.drops = drops
+        step(f"{drops} drops, {ms} ms", ms)
+    health.state = "BusOff"
+    step("bus-off", 3000)
+    health.unsent = 500
+    step("500 unsent", 3000)
+    health.state, health.unsent = "Up", 503
+    step("link up, 503 unsent", 3000)
     for n in range(8):
-        log.sim.core.counts.rejected_by_message[f"M{n}", Reason.RANGE] += 9 - n
-    (line,) = log.look(1000)
-    assert line.startswith("rejected 44 frames in the last second: range M0 9, range M1 8, ")
-    assert line.endswith("range M5 4, others 5")
-
-
-def test_clipped_samples_are_logged_once_a_second(log: Log) -> None:
-    log.look(1000)
-    clipped = log.sim.core.counts.clipped
-    clipped[1, "lateral acceleration"] += 12
-    clipped[2, "yaw rate"] += 3
-    line = "left out 15 clipped samples of the last second: axle 1 lateral acceleration 12, axle 2 yaw rate 3"
-    assert log.look(1000) == [line]
-    clipped[2, "yaw rate"] += 1
-    assert log.look(1000) == ["left out 1 clipped samples of the last second: axle 2 yaw rate 1"]
-    assert log.look(1000) == []
-
-
-def test_clock_step_back_does_not_silence_the_log(log: Log) -> None:
-    log.link.health.unsent = 1
-    assert log.look() == ["could not send 1 frames"]
-    log.sim.t -= 3_600_000 * MS
-    log.link.health.unsent = 2
-    assert log.look() == ["could not send 1 frames"]
+        counts.rejected_by_message[f"M{n}", Reason.RANGE] += 9 - n
+    step("many reasons", 1000)
+    counts.clipped[1, "lateral acceleration"] += 12
+    counts.clipped[2, "yaw rate"] += 3
+    step("clipped samples of two axles", 1000)
+    counts.clipped[2, "yaw rate"] += 1
+    step("of one", 1000)
+    step("nothing", 1000)
+    sim.t -= 3_600_000 * MS
+    health.unsent += 1
+    step("an hour back, and one unsent")
+    assert_kept("journal", "steps", told)

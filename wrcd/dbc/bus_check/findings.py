@@ -164,7 +164,7 @@ def page(
     for axle in (a for a in config.axles if any(f.frames and f.axles == (a.number,) for f in found)):
         out.append(f"  axle {axle.number}: {_lasted(spells[axle.number])}")
     name = config.design.wheelset.get("name", config.design.name)
-    out.append(f"wheelset  the design is for {name!r}; the signals do not tell another one")
+    out.append(f"wheelset  the design is for {name!r}; whether the train has it, the signals cannot tell")
     return out
 
 

@@ -2,7 +2,6 @@
 
 import math
 from bisect import bisect_left
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +13,6 @@ RATE_AFTER_TICKS = 20  # before, the rate of change is not known from the noise
 MAX_ERROR_M_S = 1.5  # a signal further away than this is another one: start with it
 
 
-@dataclass(init=False, repr=False, eq=False)
 class SpeedFilter:
     """Alpha-beta filter: tracks the speed and its rate, so that a steady acceleration leaves no lag.
 
@@ -71,7 +69,6 @@ BoolArray = NDArray[np.bool_]
 SPEED_STEP = 0.1  # m/s: matrices are made at multiples of this, and are linear between them
 
 
-@dataclass(init=False, repr=False, eq=False)
 class Bank:
     """Innovations of 4 models x n axles.
 

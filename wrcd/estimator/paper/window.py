@@ -141,7 +141,6 @@ def mean_ratio(plain: FloatArray) -> FloatArray:
     return out
 
 
-@dataclass(init=False, repr=False, eq=False)
 class Window:
     """Running sums at the end of each of the last `blocks` blocks of every axle, and of as many before them.
 
@@ -168,12 +167,6 @@ class Window:
         self._first = np.zeros(axles, dtype=np.int64)
         self._last = np.full(axles, -2, dtype=np.int64)
         self._past = np.zeros((LAG, _W, axles))
-
-    @property
-    def is_possible(self) -> bool:
-        """Whether its blocks are such as this class counts: a state from a file may hold others."""
-        newest = max(self._since.max(), self._first.max(), self._last.max())
-        return bool(self._newest >= -1 and newest <= self._newest + 1 and np.isfinite(self._rows).all())
 
     def put(
         self, tick: int, w: FloatArray, raw: FloatArray, running: BoolArray, heard: BoolArray, live: BoolArray,

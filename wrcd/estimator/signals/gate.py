@@ -1,7 +1,6 @@
 """Innovation gate: skip single outliers; reset the axle when outliers exceed accepted samples by too many."""
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -37,7 +36,6 @@ class Outliers(NamedTuple):
     jump_rad_s: float
 
 
-@dataclass(init=False, repr=False, eq=False)
 class Gate:
     """Judges innovations by their running mean square, per model, channel and axle."""
 

@@ -1,7 +1,5 @@
 """Rail joints and crossings: short pulses of the axle box that tell nothing of the contact."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from wrcd.estimator.design import FloatArray
@@ -24,7 +22,6 @@ MAX_TICKS = 24
 MAX_PULSE = np.array([0.02, 6.0])
 
 
-@dataclass(init=False, repr=False, eq=False)
 class Joints:
     """Flags the ticks of pulses, HOLD_TICKS late, so that those before a pulse are flagged, too."""
 

@@ -1,14 +1,11 @@
 """The sensors' offset, which a running mean takes off, and their noise, which fourth differences measure."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from wrcd.estimator.design import CHANNELS, FloatArray
 from wrcd.estimator.paper.bank import BoolArray
 
 
-@dataclass(init=False, repr=False, eq=False)
 class Offset:
     """Subtracts a running mean from every channel of every axle, before the filters.
 
@@ -54,7 +51,6 @@ MAX_POWER_RATIO = 9.0  # one difference counts as no more than this many times t
 MIN_FACTOR, MAX_FACTOR, VIBRATION = 0.1, 2.2, 3.0
 
 
-@dataclass(init=False, repr=False, eq=False)
 class NoiseLevel:
     """Running noise power of every channel of every axle, relative to the design's."""
 

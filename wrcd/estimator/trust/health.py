@@ -145,7 +145,6 @@ def features(newest: PairMeans, means: list[PairMeans], speed_m_s: float, ratio:
     return np.concatenate((*parts, speed, torque, newest.inputs)).T
 
 
-@dataclass(init=False, repr=False, eq=False)
 class PairHealth:
     """Sums up what each pair says, and keeps the log odds of each state over a sound pair.
 
@@ -169,12 +168,6 @@ class PairHealth:
         self._rows = np.zeros((SPANS[-1], ROWS, axles))
         self._held = np.zeros(axles)
         self.log_odds = np.tile(SOUND_ALONE if model is None else model.log_prior, (axles, 1))
-
-    @property
-    def is_possible(self) -> bool:
-        """Whether the odds are such as this class makes: a state from a file may hold others."""
-        held = (self._held >= 0.0) & (self._held <= SPANS[-1])
-        return bool((np.abs(self.log_odds) <= CERTAIN).all() and np.isfinite(self._rows).all() and held.all())
 
     def reset(self, axle: int) -> None:
         """Start an axle's filters and its span anew, after a gap; what was found out before stays."""

@@ -16,7 +16,6 @@ SLOWEST_M_S = 3.0  # slower, a wheelbase takes longer than is kept
 MAX_NOISE_RATIO = 1e6  # times the noise: what is further off does not count for more
 
 
-@dataclass(init=False, repr=False, eq=False)
 class Filters:
     """First-order Butterworth filters at BANDS_HZ (bilinear) and the fourth difference, one matrix product a tick.
 
@@ -44,11 +43,6 @@ class Filters:
         M[to + delayed, [0, *delayed[:-1]]] = 1.0
         self._M = M
         self._state = np.zeros((M.shape[1] - 1, CHANNELS * axles))
-
-    @property
-    def is_possible(self) -> bool:
-        """Whether all that is remembered are numbers: a state from a file may hold others, and they would stay."""
-        return bool(np.isfinite(self._state).all())
 
     def reset(self, axle: int) -> None:
         """Forget an axle's past."""
@@ -97,7 +91,6 @@ class Span:
     variance: FloatArray
 
 
-@dataclass(init=False, repr=False, eq=False)
 class PairSums:
     """Takes the raw measurements of all axles tick by tick. A signal's running mean is taken off.
 
@@ -132,14 +125,6 @@ class PairSums:
         self._products = np.zeros((2, BANDS, (axles + 1) // 2, 2 * CHANNELS, 2 * CHANNELS))
         self._plain = np.zeros((3, CHANNELS, axles))
         self._ticks = np.zeros(axles)
-
-    @property
-    def is_possible(self) -> bool:
-        """Whether this class makes such sums: a state from a file may hold others, and they would stay."""
-        sums = self._past, self._mean, self._offset_ticks, self._products, self._plain, self._ticks
-        places = 0 <= self._at < len(self._past) and 0 <= self._later <= self._longest
-        counts = (self._offset_ticks >= 0.0) & (self._offset_ticks <= self._max_offset_ticks) & (self._ticks >= 0.0)
-        return places and bool(counts.all()) and all(bool(np.isfinite(x).all()) for x in sums)
 
     def reset(self, axle: int) -> None:
         """Start an axle anew, after a gap: its part of the span does not count."""

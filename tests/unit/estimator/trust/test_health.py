@@ -10,7 +10,6 @@ import pytest
 
 from wrcd.estimator.design import CERTAIN, COLUMNS, PAIR_FEATURES, PAIR_STATES, FloatArray, HealthModel
 from wrcd.estimator.trust.health import FEATURES, SPAN_TICKS, SPANS, PairHealth, PairState, evidence, updated
-from wrcd.recorder.state import StateMismatch, capture, encode, restore
 
 TICK_S = 0.005
 NOISE = np.array([3e-4, 0.01])
@@ -123,24 +122,9 @@ def test_model_is_of_as_many_features_and_states_as_the_design_is_read_for() -> 
     assert PairState.LATE.words == "one later than it says"
 
 
-@pytest.mark.parametrize("odds", [np.nan, np.inf, 1.01 * CERTAIN])
-def test_odds_that_this_class_never_has_are_not_taken_from_a_file(odds: float) -> None:
+def test_sums_that_are_no_numbers_move_no_odds() -> None:
     health = one()
-    assert health.is_possible
-    health.log_odds[0, PairState.LATE] = odds
-    assert not health.is_possible
-
-
-def test_sums_that_are_no_numbers_are_not_taken_from_a_file_and_move_no_odds() -> None:
-    health = one()
-    restore(one(), encode(capture(health)))
     health.pairs._mean[0, 0] = np.nan
-    with pytest.raises(StateMismatch, match="pairs"):
-        restore(one(), encode(capture(health)))
-    filtered = one()
-    filtered.pairs._filters._state[0, 0] = np.inf
-    with pytest.raises(StateMismatch, match="filters"):
-        restore(one(), encode(capture(filtered)))
     before = health.log_odds.copy()
     np.testing.assert_array_equal(looked(health, signals(960, -1.0), [True]).log_odds, before)
 

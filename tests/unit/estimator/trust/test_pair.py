@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import butter, lfilter
 
+from tests.support.core_state import state
 from wrcd.estimator.trust.pair import BANDS, BANDS_HZ, FOURTH_DIFFERENCE, Filters, PairSums
-from wrcd.recorder.state import capture, encode
 
 TICK_S, SPEED = 0.005, 25.0
 NOISE = np.array([3e-4, 0.01])
@@ -97,4 +97,4 @@ def test_reset_axle_beside_a_running_one_begins_as_a_new_one() -> None:
     for k, row in enumerate(z[500:]):
         for pairs in (old, new):
             pairs.step(row, used if k < 800 else both)
-    assert encode(capture(old)) == encode(capture(new))
+    assert state(old) == state(new)

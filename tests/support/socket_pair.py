@@ -1,17 +1,9 @@
-"""A kernel without CAN: the product's own SocketCAN link, with one end of a socket pair in the socket's place.
+"""A kernel without CAN: the product's own SocketCAN link, with one end of a socket pair in the socket's place."""
 
-As a module it is `wrcd run` with the pair's end as file descriptor 3. At its end it prints, as JSON, which modules it
-has imported and the most memory that it held.
-"""
-
-import json
 import socket
-import sys
-from pathlib import Path
 
 from wrcd.bus import socketcan
 
-END = 3
 CHANNEL = "lo"  # rtnetlink tells of an interface that is up
 
 
@@ -47,22 +39,3 @@ def use_pair(end_fd: int) -> None:
     """From now on every SocketCAN link of this process is that end, a file descriptor."""
     end = socket.socket(fileno=end_fd)
     socketcan.SocketCanLink = lambda channel, keys, fd=False: PairLink(end, fd)  # type: ignore[assignment,misc]  # a class's place
-
-
-def resident_kb(pid: int | str = "self") -> dict[str, int]:
-    """VmHWM and VmRSS of a process."""
-    lines = (line.split() for line in Path(f"/proc/{pid}/status").read_text().splitlines())
-    return {key[0].rstrip(":"): int(key[1]) for key in lines if key[0] in ("VmHWM:", "VmRSS:")}
-
-
-def main() -> int:
-    from wrcd.cli import main as cli
-
-    use_pair(END)
-    status = cli.main(["run", "-i", "socketcan", "-c", CHANNEL])
-    print(json.dumps({"modules": sorted(sys.modules), **resident_kb()}))
-    return status
-
-
-if __name__ == "__main__":
-    sys.exit(main())

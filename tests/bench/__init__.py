@@ -1,1 +1,0 @@
-"""`make bench`: what the daemon costs beside its peers, and the rig. Measures and prints; asserts nothing."""
