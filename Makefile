@@ -141,8 +141,8 @@ docs: $(READY)
 	$(BIN)/python -m tests.support.signs_picture
 	$(BIN)/python $(SITE)
 
-LOCK := $(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-emit-find-links --no-annotate --no-header pyproject.toml
-lock: $(READY)
+LOCK := build/lock/bin/uv pip compile -q --universal --fork-strategy fewest --python-version 3.11 --generate-hashes --no-emit-index-url --no-emit-find-links --no-annotate --no-header pyproject.toml
+lock: build/lock/bin/uv
 	$(LOCK) --extra dev -o requirements.lock
 	$(LOCK) -c requirements.lock -o requirements-train.lock
 
@@ -150,6 +150,10 @@ lock: $(READY)
 AUDIT ?= requirements-train.lock requirements.lock
 audit: build/audit/bin/pip-audit
 	build/audit/bin/pip-audit --require-hashes --disable-pip --strict --progress-spinner off $(AUDIT:%=-r %)
+
+build/lock/bin/uv:
+	$(PYTHON) -m venv build/lock
+	build/lock/bin/python -m pip install -q --disable-pip-version-check uv
 
 build/audit/bin/pip-audit:
 	$(PYTHON) -m venv build/audit
