@@ -71,7 +71,7 @@ def main() -> int:
         dbc = str(ROOT / "dbc/sim_ecu.dbc")
         for command in (
             ["report", str(log), "-o", str(folder / "report.html"), "--dbc", dbc],
-            ["plot", str(log), "-o", str(folder / "long.png"), "--dbc", dbc, "--force"],
+            ["report", str(log), "--png", str(folder / "long.png"), "--dbc", dbc, "--force"],
             ["why", str(log), "30", "--dbc", dbc],
         ):
             runs = [measured(command, folder) for _ in range(args.times)]

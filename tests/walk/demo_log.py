@@ -44,7 +44,7 @@ def _has_axle_1(screen: str) -> bool:
 
 
 def why(walk: Walk) -> str:
-    """wrcd why, wrcd plot."""
+    """wrcd why, wrcd report --png."""
     log = played(walk)
     said = walk.wrcd("why", log, FALL_S)
     (walk.out / "why.txt").write_text(said)
@@ -52,7 +52,7 @@ def why(walk: Walk) -> str:
     expect(change is not None, f"no fall is told:\n{said}")
     expect("rule" in said and "residual" in said, f"neither rule nor residual is told:\n{said}")
     picture = walk.folder / "fall.png"
-    walk.wrcd("plot", log, "-o", picture.name, "--relative", "--from", "7", "--to", "12")
+    walk.wrcd("report", log, "--png", picture.name, "--from", "7", "--to", "12")
     width, height = png_size(picture)
     shutil.copy(picture, walk.out / "plot.png")
     return f"{' '.join((change or '').split())}; picture {width} × {height}"
