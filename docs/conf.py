@@ -1,4 +1,4 @@
-"""The site of these pages: Sphinx with MyST and its own theme. `make docs` builds it into build/site; nothing is fetched.
+"""The site of these pages: Sphinx with MyST, its own theme. `make docs` builds it into build/site; nothing is fetched.
 
 The pages are plain Markdown and read alike on a code host. The source folder is the repository's: README.md is the
 front page, docs/README.md says what stands in the sidebar, and a link to a file of the repository gives that file.
