@@ -133,7 +133,7 @@ design: $(READY)
 
 # the tables of docs/reference/score.md; 30 minutes of processor time, on two cores
 score: $(READY)
-	$(BIN)/sim-ecu score --json build/score.json --html build/score.html
+	$(BIN)/sim-ecu score --json build/score.json
 
 # docs/signs-and-axes.png, and the site of the pages in build/site: a warning or a dead link fails
 SITE := -m sphinx -q -W --keep-going -n -E -c docs . build/site
