@@ -188,7 +188,7 @@ def _factor(section: Section, key: str, name: str, kind: Kind) -> Factor | None:
     known = {f.name: f for f in kind.factors}
     if name not in known and not any(name.startswith(prefix) and name != prefix for prefix in kind.open_factors):
         every = ", ".join([*known, *(f"{prefix}KEY" for prefix in kind.open_factors)])
-        raise section.error(f"is no factor of {kind.name}", key, suggest(name, known) or f"it has {every}")
+        raise section.error(f"is no factor of {kind.name}", key, f"it has {every}")
     return known.get(name)
 
 

@@ -72,6 +72,8 @@ def make(folder: Path, blocks: list[Block]) -> None:
     (folder / "latin.dbc").write_bytes(b'VERSION ""\nCM_ "Z\xfcrich";\n')
     (folder / "strange").mkdir()
     (folder / "strange/Makefile").touch()
+    (folder / "former").mkdir()
+    (folder / "former/journal.jsonl").touch()
     for file in (DBC, *(ROOT / "tests/data/dbc").iterdir()):
         shutil.copy(file, folder)
     shutil.copy(ROOT / "examples/own-dbc/train.dbc", folder / "own.dbc")
