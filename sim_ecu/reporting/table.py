@@ -1,4 +1,4 @@
-"""Sections of sentences and tables as Markdown."""
+"""Chapters of sentences and tables as Markdown."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ class Table:
 
 
 @dataclass(frozen=True, slots=True)
-class Section:
+class Chapter:
     """A heading ("": what comes before all) and what stands below it. about: in words, after the heading."""
 
     name: str
@@ -27,14 +27,14 @@ class Section:
     parts: Sequence[str | Table] = ()
 
 
-def markdown(sections: Iterable[Section]) -> list[str]:
-    """Return the lines of all sections."""
+def markdown(chapters: Iterable[Chapter]) -> list[str]:
+    """Return the lines of all chapters."""
     out: list[str] = []
-    for section in sections:
-        if section.name:
-            out += ["", f"**{section.name}**" + f": {section.about}" * bool(section.about)]
-        for k, part in enumerate(section.parts):
-            out += [""] if section.name or (k and not isinstance(part, str)) else []
+    for chapter in chapters:
+        if chapter.name:
+            out += ["", f"**{chapter.name}**" + f": {chapter.about}" * bool(chapter.about)]
+        for k, part in enumerate(chapter.parts):
+            out += [""] if chapter.name or (k and not isinstance(part, str)) else []
             out += part.markdown() if isinstance(part, Table) else [part]
     return out
 

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from sim_ecu.reporting import verdicts
-from sim_ecu.reporting.table import Section, Table
+from sim_ecu.reporting.table import Chapter, Table
 from sim_ecu.reporting.values import UNKNOWN, Figure, Rounded, Share, Value, number, share
 from sim_ecu.score.metrics.accuracy import OURS, WRONG_OF_TRUTH, WRONG_PP
 
@@ -35,11 +35,11 @@ def warnings(result: Mapping[str, Any], quick: tuple[str, str] = QUICK) -> list[
     return holes + ([quick] if run.get("quick") else [])
 
 
-def sections(result: Mapping[str, Any]) -> list[Section]:
+def sections(result: Mapping[str, Any]) -> list[Chapter]:
     """Return a section for each suite, before them how to read them, behind them the goals."""
     d = result["design"]
     out = [
-        Section("", "", [
+        Chapter("", "", [
             f"design {d['name']} {d['checksum'][:12]}, window {d['window_s']:g} s; "
             "errors in percentage points (pp) of MuAvailable",
             result["seeds"], INTERVALS, WRONGS, BASELINES,
@@ -47,7 +47,7 @@ def sections(result: Mapping[str, Any]) -> list[Section]:
     ]  # fmt: skip
     for name, s in result["suites"].items():
         about, parts = _SUITES[name](s)
-        out.append(Section(name, about, parts))
+        out.append(Chapter(name, about, parts))
     every = {name: s["not_valid_of"]["all"] for name, s in result["suites"].items()}
     lost = Table(
         ["suite", "not Valid", "a sensor accused", "causes"],
@@ -55,8 +55,8 @@ def sections(result: Mapping[str, Any]) -> list[Section]:
     )
     return [
         *out,
-        Section("not Valid", "share of the frames from when they are judged on", [lost]),
-        Section("goals", "what the design is held to", [verdicts.table(result["goals"])]),
+        Chapter("not Valid", "share of the frames from when they are judged on", [lost]),
+        Chapter("goals", "what the design is held to", [verdicts.table(result["goals"])]),
     ]
 
 

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from sim_ecu.reporting.table import Section, Table, markdown
+from sim_ecu.reporting.table import Chapter, Table, markdown
 from sim_ecu.reporting.values import (
     CHANCE,
     MET,
@@ -56,9 +56,9 @@ def test_table_as_markdown() -> None:
 
 def test_markdown_of_sections() -> None:
     sections = [
-        Section("", "", ["one", "two"]),
-        Section("s", "about it", [TABLE, "behind"]),
-        Section("bare", "", ["text"]),
+        Chapter("", "", ["one", "two"]),
+        Chapter("s", "about it", [TABLE, "behind"]),
+        Chapter("bare", "", ["text"]),
     ]  # fmt: skip
     assert markdown(sections) == [
         "one", "two", "", "**s**: about it", "", *TABLE.markdown(), "", "behind", "", "**bare**", "", "text",
