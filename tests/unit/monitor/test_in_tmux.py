@@ -42,9 +42,13 @@ class Terminal:
         """Look until the screen is as wanted, and return it."""
         end = time.monotonic() + WAIT_S
         while not done(screen := self._tmux("capture-pane", "-p")):
-            assert time.monotonic() < end, f"not within {WAIT_S:g} s; the screen:\n{screen.rstrip()}"
+            assert time.monotonic() < end, f"not within {WAIT_S:g} s; {self._sizes()}; the screen:\n{screen.rstrip()}"
             time.sleep(0.1)
         return screen
+
+    def _sizes(self) -> str:
+        size, tty = self._tmux("display-message", "-p", "#{pane_width} x #{pane_height},#{pane_tty}").strip().split(",")
+        return f"tmux has {size}, the terminal's device {os.get_terminal_size(os.open(tty, os.O_RDWR | os.O_NOCTTY))}"
 
     def close(self) -> None:
         self._tmux("kill-server")
