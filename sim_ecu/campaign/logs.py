@@ -78,9 +78,8 @@ def _campaign(logs: Logs) -> Campaign:
         name = os.fsencode(file.relative_to(root)).decode("utf-8", "backslashreplace")
         folders = file.parents[: len(file.relative_to(root).parts) * (file == root / name)]  # up to the root
         own = next((p / CONFIGURATION for p in folders if (p / CONFIGURATION).is_file()), logs.configuration)
-        configuration = "" if own is None else os.path.relpath(own, root)
         inputs: dict[str, Scalar] = {"train": _train(name, root, logs.train), "log": name}
-        inputs |= {"configuration": configuration, "channel": logs.channel}
+        inputs |= {"configuration": "" if own is None else os.path.relpath(own, root), "channel": logs.channel}
         try:
             jobs += jobs_of(LOG, inputs, root)
         except InputError as e:
@@ -117,11 +116,12 @@ def _is_log(file: Path) -> bool:
 def _train(name: str, root: Path, pattern: str | None) -> str:
     """The first folder's name, or what the pattern's group `train` matches."""
     if pattern is None:
-        first, slash, _ = name.partition("/")
-        return first if slash else root.name or "logs"
+        return name.partition("/")[0] if "/" in name else root.name or "logs"
     try:
-        return re.compile(pattern).search(name)["train"]  # type: ignore[index]
-    except (re.error, IndexError, TypeError) as e:
+        if (found := re.search(pattern, name)) and found["train"]:
+            return str(found["train"])
+        raise IndexError("no match")
+    except (re.error, IndexError) as e:
         reason = f"finds no group `train` in {name}: {e}"
         raise InputError(reason, key="--train", hint="e.g. '(?P<train>[^/_]+)_', of the path below --logs") from None
 

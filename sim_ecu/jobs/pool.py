@@ -99,7 +99,7 @@ class Workers:
     def end(self, address: str) -> None:
         """End one, whatever it is at; its nanny starts it anew. A scheduler that is gone is told by who asks next."""
         how = {"timeout": FETCH_S, "wait_for_workers": False, "on_error": "return", "stimulus_id": "too long"}
-        with suppress(OSError):
+        with suppress(OSError):  # the client's own restart_workers refuses one without a nanny
             self.client.sync(self.client.scheduler.restart_workers, workers=[address], **how)
 
 

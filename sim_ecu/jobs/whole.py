@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar, cast
 
 from sim_ecu.jobs.pool import Ending, Stopped, Workers, local, run
 from wrcd.progress import Progress
@@ -40,7 +40,7 @@ def every(
             for number, o in enumerate(ends, 1):
                 piece = pieces[o.place]
                 if o.ending is Ending.DONE:
-                    results[o.place] = o.value  # type: ignore[assignment]  # it is done: a value
+                    results[o.place] = cast(R, o.value)  # it is done: a value
                 else:
                     missing[o.place] = Missing(piece, o.error)
                 done += piece.cost
@@ -58,7 +58,7 @@ def each(
     with closing(run(function, jobs, workers)) as ends:
         for o in ends:
             if o.ending is Ending.DONE:
-                yield o.place, o.value  # type: ignore[misc]  # it is done: a value
+                yield o.place, cast(R, o.value)  # it is done: a value
             else:
                 failed.append(f"  {names[o.place]}: {o.error}")
     if failed:

@@ -31,13 +31,11 @@ def run_here(
 ) -> Iterator[JobOutcome[Any]]:
     """As pool.run, one after the other where it is called; each as a worker would get it."""
     for place, one in enumerate(jobs):
-        job = pickle.loads(pickle.dumps(one))
-        if not getattr(function, "__module__", "").startswith("tests"):  # a test's own may be a local one
-            function = pickle.loads(pickle.dumps(function))
+        work, job = pickle.loads(pickle.dumps((function, one)))
         error = ""
         for _ in range(TRIES):
             try:
-                yield JobOutcome(place, Ending.DONE, function(job), "")
+                yield JobOutcome(place, Ending.DONE, work(job), "")
             except Exception as e:
                 error = str(e) if isinstance(e, InputError) else f"{type(e).__name__}: {e}"
             else:

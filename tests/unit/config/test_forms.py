@@ -3,6 +3,7 @@
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import can
 import pytest
@@ -69,10 +70,10 @@ def test_short_form_says_nothing_but_the_signal(folder: Path) -> None:
         ("invalid = [0x8000, 7]", {"invalid": frozenset({-32768, 7})}),
     ],
 )
-def test_table_overrides_the_dbc(folder: Path, keys: str, fields: dict[str, object]) -> None:
+def test_table_overrides_the_dbc(folder: Path, keys: str, fields: dict[str, Any]) -> None:
     short = one(load_config(written(folder, [])), Quantity.YAW_RATE).source
     source = one(load_config(written(folder, [of_yaw_rate(keys)])), Quantity.YAW_RATE).source
-    expected = replace(short, **fields)  # type: ignore[arg-type]  # fields of a Source by name
+    expected = replace(short, **fields)  # fields of a Source by name
     assert replace(source, factor=expected.factor, low=expected.low, high=expected.high) == expected
     for got, want in zip(
         (source.factor, source.low, source.high), (expected.factor, expected.low, expected.high), strict=True

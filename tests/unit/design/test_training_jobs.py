@@ -36,17 +36,23 @@ def simulated(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return watched(monkeypatch, lambda _place: None)
 
 
+SIMULATE = training_jobs.simulate
+BEFORE: list[Callable[[int], None]] = []
+PLACES: list[int] = []
+
+
+def watching(job: GroupJob) -> Recording:
+    """A worker would find it by its module and name."""
+    BEFORE[-1](job.place)
+    PLACES.append(job.place)
+    return SIMULATE(job)
+
+
 def watched(monkeypatch: pytest.MonkeyPatch, before: Callable[[int], None]) -> list[int]:
-    places: list[int] = []
-    simulate = training_jobs.simulate
-
-    def watching(job: GroupJob) -> Recording:
-        before(job.place)
-        places.append(job.place)
-        return simulate(job)
-
+    BEFORE.append(before)
+    PLACES.clear()
     monkeypatch.setattr(training_jobs, "simulate", watching)
-    return places
+    return PLACES
 
 
 def of(folder: Path, plan: Plan = PLAN) -> list[Recording]:

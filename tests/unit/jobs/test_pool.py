@@ -22,10 +22,17 @@ WAIT_S = 60.0
 LIMIT_S = 5.0
 
 
-@pytest.fixture(scope="module")
-def two() -> Iterator[Workers]:
+@pytest.fixture(scope="module", name="_two")
+def two_workers() -> Iterator[Workers]:
     with local(2) as workers:
         yield workers
+
+
+@pytest.fixture
+def two(_two: Workers) -> Workers:
+    """Both are there: the test before may have ended one, which begins anew."""
+    wait_for("both", WAIT_S, lambda: len(_two.there()) == 2)
+    return _two
 
 
 def jobs(count: int, **inputs: object) -> list[Mapping[str, Any]]:
@@ -77,7 +84,6 @@ def test_worker_that_is_killed_loses_nothing(two: Workers, tmp_path: Path) -> No
 def test_result_that_is_lost_with_its_worker_is_made_again(two: Workers, tmp_path: Path) -> None:
     record, kill = tmp_path / "record", True
     found = []
-    wait_for("both", WAIT_S, lambda: len(two.there()) == 2)
     for o in run(figures, jobs(6, record=str(record)), two):
         found.append(o)
         if kill:

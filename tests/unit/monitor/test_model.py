@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -61,9 +62,9 @@ def test_frame_with_wrong_crc_is_damaged_and_shows_nothing(config: Config, made:
     [({"data": b"\0\0\0"}, "length"), ({"remote": True, "data": b"", "extra": 8}, "kind"), ({"fd": True}, "kind")],
 )
 def test_frame_of_another_kind_or_length_is_refused(
-    config: Config, made: DaemonFrames, change: dict[str, object], reason: str
+    config: Config, made: DaemonFrames, change: dict[str, Any], reason: str
 ) -> None:
-    wrong = replace(made.adhesion(0, GOOD), **change)  # type: ignore[arg-type]
+    wrong = replace(made.adhesion(0, GOOD), **change)
     model = fed(BusModel(config), [wrong])
 
     refused = model.watched[wrong.key].refused_within(model.now_us)
