@@ -1,6 +1,6 @@
 """Texts that are kept whole in tests/data/NAME.txt: a title in brackets, and below it what is said.
 
-WRITE=1 .venv/bin/python -m pytest TEST      writes what is said now; the difference is for a person to read
+WRCD_WRITE_TEXTS=1 .venv/bin/python -m pytest TEST writes what is said now, and fails: a person reads the difference.
 """
 
 import os
@@ -18,7 +18,8 @@ def assert_kept(name: str, title: str, said: Iterable[str]) -> None:
             kept[line[1:-1]] = []
         else:
             kept[next(reversed(kept))].append(line)
-    if os.environ.get("WRITE"):
+    if os.environ.get("WRCD_WRITE_TEXTS"):
         kept[title] = [*lines, ""]
         file.write_text("\n".join(x for t, of in kept.items() for x in (f"[{t}]", *of)) + "\n", encoding="utf-8")
+        raise AssertionError(f"{file.name}: [{title}] is written")
     assert [*lines, ""] == kept.get(title, [])

@@ -10,7 +10,9 @@ from contextlib import suppress
 from pathlib import Path
 
 LOG, EVENTS = ".log", ".events.csv"
-_NAME = re.compile(r"(wrcd-.+-\d{8}T\d{6}Z-[a-z]+)\.[a-z.]+")  # whatever a version has beside its log
+# an earlier version had a state beside its log
+_NAME = re.compile(r"(wrcd-.+-\d{8}T\d{6}Z-[a-z]+)\.(log|events\.csv|state\.json)")
+_FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 def dump_name(channel: str, now_us: int, trigger: str) -> str:
@@ -32,46 +34,72 @@ def write_dump(folder: Path, name: str, log: Iterable[bytes], events: bytes, max
     # what a killed process of this channel's has left
     channel = name[: name.rindex("-", 0, name.rindex("-")) + 1]
     for left in folder.glob(f".{channel}*.part"):
-        left.unlink()
-    parts = {suffix: folder / f".{name}{suffix}.part" for suffix in (EVENTS, LOG)}
+        with suppress(OSError):
+            left.unlink()
+    made = {folder / (name + suffix): folder / f".{name}{suffix}.part" for suffix in (EVENTS, LOG)}
+    events_file, log_file = made
+    renamed: list[Path] = []
     try:
-        size = _write(parts[LOG], log, max_bytes)
-        size += _write(parts[EVENTS], (events,), max_bytes - size)
-        _prune(folder, max_dumps - 1, max_bytes - size)
-        for suffix, part in parts.items():  # the log last: where it is, the events are
-            part.replace(folder / (name + suffix))
+        size = _write(made[log_file], log, max_bytes)
+        size += _write(made[events_file], (events,), max_bytes - size)
+        dumps = _dumps(folder)
+        while dumps and (len(dumps) >= max_dumps or size + sum(map(_bytes, dumps)) > max_bytes):
+            _remove(dumps.pop(0))
+        for file, part in made.items():  # the log last: where it is, the events are
+            part.replace(file)
+            renamed.append(file)
+        folder_fd = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+        try:
+            os.fsync(folder_fd)
+        finally:
+            os.close(folder_fd)
     except BaseException:
-        for part in parts.values():
-            part.unlink(missing_ok=True)
+        for file in (*made.values(), *renamed):
+            file.unlink(missing_ok=True)
         raise
 
 
 def _write(path: Path, chunks: Iterable[bytes], max_bytes: int) -> int:
-    """A file that was not there before, on the disk; its size. Raises OSError."""
+    """A file that was not there before, on the disk; its size. Where the disk is full the oldest dumps go. Raises
+    OSError."""
     size = 0
     # O_EXCL: whatever is there under this name, a link too, is not written to
     fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
-    with os.fdopen(fd, "wb") as f:
+    try:
         for chunk in chunks:
-            size += len(chunk)
+            size, rest = size + len(chunk), memoryview(chunk)
             if size > max_bytes:
                 raise OSError(errno.EFBIG, os.strerror(errno.EFBIG))
-            f.write(chunk)
-        f.flush()
+            while rest:
+                try:
+                    rest = rest[os.write(fd, rest) :]
+                except OSError as e:
+                    if e.errno not in _FULL or not (dumps := _dumps(path.parent)):
+                        raise
+                    _remove(dumps[0])
         os.fsync(fd)
+    finally:
+        os.close(fd)
     return size
 
 
-def _prune(folder: Path, max_dumps: int, max_bytes: int) -> None:
-    """Remove the oldest dumps until the rest fits. Only regular files of dumps' names count."""
-    found: dict[str, dict[Path, os.stat_result]] = {}
+_Dump = dict[Path, os.stat_result]
+
+
+def _dumps(folder: Path) -> list[_Dump]:
+    """The files of each dump that is there, the oldest first. Only regular files of dumps' names count."""
+    found: dict[str, _Dump] = {}
     for file in folder.iterdir():
-        if (match := _NAME.fullmatch(file.name)) and stat.S_ISREG((status := file.lstat()).st_mode):
-            found.setdefault(match[1], {})[file] = status
-    count, size = len(found), sum(s.st_size for files in found.values() for s in files.values())
-    for _, files in sorted(found.items(), key=lambda item: (min(s.st_mtime_ns for s in item[1].values()), item[0])):
-        if count <= max_dumps and size <= max_bytes:
-            break
-        for file in files:
-            file.unlink(missing_ok=True)
-        count, size = count - 1, size - sum(s.st_size for s in files.values())
+        with suppress(FileNotFoundError):  # somebody tidies up
+            if (match := _NAME.fullmatch(file.name)) and stat.S_ISREG((status := file.lstat()).st_mode):
+                found.setdefault(match[1], {})[file] = status
+    return [found[name] for name in sorted(found, key=lambda n: (min(s.st_mtime_ns for s in found[n].values()), n))]
+
+
+def _bytes(dump: _Dump) -> int:
+    return sum(status.st_size for status in dump.values())
+
+
+def _remove(dump: _Dump) -> None:
+    for file in dump:
+        file.unlink(missing_ok=True)

@@ -23,7 +23,7 @@ from wrcd.recorder.writer import Child, Request, start
 # Of 130 simulated logs that were begun anew, 0.3 % of the Adhesion frames after it have other bytes with multiple-unit,
 # none of a sound ride; docs/how-to/read-a-recorder-dump.md has the figures by kind.
 PRE_ROLL_S = 60.0
-EQUAL = "from here on a replay of the log makes what was sent"
+PRE_ROLL = "the pre-roll ends: from here on compare a replay with what was sent"
 LOST_SLOTS = 5  # in a row without Valid: less is a hiccup
 
 
@@ -118,17 +118,18 @@ class Recorder:
         if self._pending and self._child is None and not 0 <= now_us - self._pending[1] < POST_TRIGGER_US:
             self._dump()
 
-    def _dump(self) -> None:
+    def _dump(self, urgent: bool = False) -> None:
         """Have written what is pending."""
         assert self._pending is not None
         ring, config, (trigger, at_us) = self._ring, self._config, self._pending
         self._name, self._pending = dump_name(self._channel, at_us, trigger), None
         first = max(self._seconds[0], ring.end - round(ring.records / (1 + SPARE_SHARE)))
-        if first == ring.end:  # not one frame
+        if first == ring.end:
+            self._report(f"no frame in the last {config.seconds:g} s")
             return
         # what begins with the daemon itself has forgotten nothing
         equal_us = ring.stamp_us(first) + (round(PRE_ROLL_S * 1e6) if first else 0)
-        rows = [csv_line(COLUMNS), csv_line((csv_time(equal_us), "", "", "", "", EQUAL))]
+        rows = [csv_line(COLUMNS), csv_line((csv_time(equal_us), "", "", "", "", PRE_ROLL))]
         request = Request(
             folder=str(self._folder),
             name=self._name,
@@ -141,7 +142,7 @@ class Recorder:
             max_bytes=round(config.max_mb * 1e6),
         )
         try:
-            self._child = start(ring, request)
+            self._child = start(ring, request, urgent)
         except OSError as e:
             self._report(f"no process to write it: {e.strerror}")
 
@@ -163,9 +164,9 @@ class Recorder:
             self._pending = ("asked", now_us)
         end = time.monotonic() + EXIT_S
         if self._child is not None:
-            self._report(self._child.wait(EXIT_S / 2))
+            self._report(self._child.wait(EXIT_S if self._pending is None else EXIT_S / 2))
         if self._pending is not None:
-            self._dump()
+            self._dump(urgent=True)
             if self._child is not None:
                 self._report(self._child.wait(end - time.monotonic()))
         self._ring.close()

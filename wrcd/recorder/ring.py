@@ -3,7 +3,8 @@
 import mmap
 import os
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +17,10 @@ _HEAD = "<qIBBH"  # stamp, id and flags, length, kind, position's low bits; data
 _CLASSICAL = np.dtype([("frame", "V13"), ("kind", "u1"), ("low", "<u2"), ("data", "V8")])  # as a batch has its frames
 CLASSICAL_BYTES, FD_BYTES = 8, 64
 _LOW = 0xFFFF
+
+
+class Overwritten(Exception):
+    """A record is not there any more."""
 
 
 class Ring:
@@ -72,16 +77,21 @@ def _record_of(data_bytes: int) -> struct.Struct:
 
 
 def read_ring(fd: int, data_bytes: int, first: int, end: int) -> Iterator[tuple[int, Frame]]:
-    """Kinds and frames from position first to end, oldest first, of a ring's memory, which is copied at once. What has
-    been overwritten is left out."""
+    """Kinds and frames from position first to end, oldest first, of a ring's memory, which the call copies. Taking them
+    raises Overwritten."""
     record, size = _record_of(data_bytes), os.fstat(fd).st_size
     begin, stop = first * record.size % size, end * record.size % size
     whole = begin < stop or first == end
     memory = os.pread(fd, stop - begin, begin) if whole else os.pread(fd, size - begin, begin) + os.pread(fd, stop, 0)
-    for at, (stamp_us, word, length, kind, low, data) in enumerate(record.iter_unpack(memory), first):
-        if low == at & _LOW:
-            remote = bool(word & REMOTE)
-            # a remote frame has a length but no data, and no log can tell
-            kept = b"" if remote else data[:length]
-            extended, error, fd_frame = bool(word & EXTENDED), bool(word & ERROR), bool(kind & _FD)
-            yield kind & ~_FD, Frame(stamp_us, word & ID_BITS, kept, extended, remote, error, fd_frame)
+    return _frames(record.iter_unpack(memory), first)
+
+
+def _frames(records: Iterable[tuple[Any, ...]], first: int) -> Iterator[tuple[int, Frame]]:
+    for at, (stamp_us, word, length, kind, low, data) in enumerate(records, first):
+        if low != at & _LOW:
+            raise Overwritten
+        remote = bool(word & REMOTE)
+        # a remote frame has a length but no data, and no log can tell
+        kept = b"" if remote else data[:length]
+        extended, error, fd_frame = bool(word & EXTENDED), bool(word & ERROR), bool(kind & _FD)
+        yield kind & ~_FD, Frame(stamp_us, word & ID_BITS, kept, extended, remote, error, fd_frame)

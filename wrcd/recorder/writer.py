@@ -1,6 +1,6 @@
 """The program that writes a dump, beside the daemon: python -m wrcd.recorder.writer RING REQUEST, two open files.
 
-It imports little, and ends with an errno as its status.
+It imports little.
 """
 
 import json
@@ -18,13 +18,14 @@ from pathlib import Path
 from wrcd.bus.candump import format_line
 from wrcd.bus.frame import Frame
 from wrcd.recorder.dump_folder import write_dump
-from wrcd.recorder.ring import RECEIVED, SENT, Ring, read_ring
+from wrcd.recorder.ring import RECEIVED, SENT, Overwritten, Ring, read_ring
 
 MAX_S = 60.0  # a disk that takes longer hangs
-FAILED = 1  # exit status of a child that failed otherwise than by an errno
+# The exit status of a program that failed: an errno behind ERRNO; any other: see what it wrote
+OVERWRITTEN, ERRNO = 99, 100
 _NOT_FOR_IT = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGUSR1)  # but for the daemon
 # It stops so often for so long: where the lowest priority is not allowed or means little, the loop has the processor
-# in between.
+# in between. When SIGTERM waits for it, the daemon ends: there is no loop to disturb.
 PAUSE_LINES, PAUSE_S = 100, 0.001
 MAX_CAME = 5000  # more do not come in a turn: where nothing is sent, no more are kept
 
@@ -33,8 +34,10 @@ class Child:
     """A program of its own, not a copy of this one: a copy would share its pages, and the loop would pay for every one
     that it writes to afterwards (30 ms in the first turn, measured). It takes over no file but those given."""
 
-    def __init__(self, command: Sequence[str], files: Sequence[int] = (), most_s: float = MAX_S) -> None:
-        """It runs when nobody else wants to. Raises OSError where no process can be made."""
+    def __init__(
+        self, command: Sequence[str], files: Sequence[int] = (), most_s: float = MAX_S, urgent: bool = False
+    ) -> None:
+        """Where it is not urgent it runs when nobody else wants to. Raises OSError where no process can be made."""
         self._end = time.monotonic() + most_s
         # without systemd's socket: who is not the daemon has nothing to say to it
         environment = {key: value for key, value in os.environ.items() if key != "NOTIFY_SOCKET"}
@@ -43,11 +46,12 @@ class Child:
             self._process = subprocess.Popen(command, pass_fds=files, env=environment)
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
-        # from here, before it has so much as begun; where the unit forbids it, its own pauses must do
-        with suppress(OSError):
-            os.sched_setscheduler(self._process.pid, os.SCHED_OTHER, os.sched_param(0))
-        with suppress(OSError):
-            os.setpriority(os.PRIO_PROCESS, self._process.pid, 19)
+        if not urgent:
+            # from here, before it has so much as begun; where the unit forbids it, its own pauses must do
+            with suppress(OSError):
+                os.sched_setscheduler(self._process.pid, os.SCHED_OTHER, os.sched_param(0))
+            with suppress(OSError):
+                os.setpriority(os.PRIO_PROCESS, self._process.pid, 19)
 
     def finished(self) -> str | None:
         """None while it works; then "" or what went wrong."""
@@ -59,10 +63,13 @@ class Child:
             return None if code is None else ""
         if code < 0:
             return "it took too long" if late else f"killed by {signal.Signals(-code).name}"
-        return "failed" if code == FAILED else os.strerror(code)
+        if code == OVERWRITTEN:
+            return "its frames were overwritten meanwhile"
+        return os.strerror(code - ERRNO) if code > ERRNO else "failed"
 
     def wait(self, most_s: float) -> str:
-        """Wait for it, but not for long: then it is killed."""
+        """Have it hurry and wait for it, but not for long: then it is killed."""
+        self._process.send_signal(signal.SIGTERM)
         self._end = min(self._end, time.monotonic() + most_s)
         while (ended := self.finished()) is None and time.monotonic() < self._end + 0.5:
             time.sleep(0.02)
@@ -84,13 +91,13 @@ class Request:
     max_bytes: int
 
 
-def start(ring: Ring, request: Request) -> Child:
+def start(ring: Ring, request: Request, urgent: bool = False) -> Child:
     """Have it written by a process. Raises OSError."""
     with os.fdopen(os.memfd_create("wrcd-request"), "wb") as asked:
         asked.write(json.dumps(asdict(request)).encode())
         asked.flush()
         files = ring.fd, asked.fileno()
-        return Child([sys.executable, "-m", "wrcd.recorder.writer", *map(str, files)], files)
+        return Child([sys.executable, "-m", "wrcd.recorder.writer", *map(str, files)], files, urgent=urgent)
 
 
 def lines(records: Iterable[tuple[int, Frame]], channel: str) -> Iterator[str]:
@@ -117,20 +124,26 @@ def lines(records: Iterable[tuple[int, Frame]], channel: str) -> Iterator[str]:
 
 
 def run(ring_fd: int, request_fd: int) -> None:
-    """Write what is asked for. Raises OSError."""
+    """Write what is asked for. Raises OSError, Overwritten."""
     r = Request(**json.loads(os.pread(request_fd, os.fstat(request_fd).st_size, 0)))
-    write_dump(Path(r.folder), r.name, _chunks(ring_fd, r), r.events.encode(), r.max_dumps, r.max_bytes)
+    # before anything that a slow disk delays
+    records = read_ring(ring_fd, r.data_bytes, r.first, r.end)
+    log = chunks(lines(records, r.channel))
+    write_dump(Path(r.folder), r.name, log, r.events.encode(), r.max_dumps, r.max_bytes)
 
 
-def _chunks(ring_fd: int, r: Request) -> Iterator[bytes]:
-    log = lines(read_ring(ring_fd, r.data_bytes, r.first, r.end), r.channel)
+def chunks(log: Iterator[str]) -> Iterator[bytes]:
+    """The log in pieces, with pauses between them."""
     while some := list(islice(log, PAUSE_LINES)):
         yield "".join(some).encode()
-        time.sleep(PAUSE_S)
+        if signal.SIGTERM not in signal.sigpending():
+            time.sleep(PAUSE_S)
 
 
 if __name__ == "__main__":
     try:
         run(int(sys.argv[1]), int(sys.argv[2]))
+    except Overwritten:
+        sys.exit(OVERWRITTEN)
     except OSError as error:
-        sys.exit(error.errno or FAILED)
+        sys.exit(ERRNO + (error.errno or 0))

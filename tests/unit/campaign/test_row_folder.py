@@ -176,7 +176,7 @@ def test_folder_of_an_earlier_version_is_refused_and_left_as_it_is(tmp_path: Pat
 @pytest.mark.parametrize("name", ["thesis.tex", "rows.parquet"])
 def test_folder_of_something_else_is_refused(tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_text("")
-    with pytest.raises(InputError, match=tmp_path.name), opened(tmp_path, ASKED):
+    with pytest.raises(InputError, match="is no campaign's folder"), opened(tmp_path, ASKED):
         pass
     assert [f.name for f in tmp_path.iterdir()] == [name]
 

@@ -14,7 +14,9 @@ import can
 import can.util
 import pytest
 
+from sim_ecu.cli.main import main as sim_ecu
 from tests.support.processes import ROOT, wait_for
+from tests.support.scenarios import held
 from wrcd.bus.pythoncan import open_bus
 from wrcd.cli.main import main as wrcd
 from wrcd.config.config import DEFAULT, load_config
@@ -145,6 +147,33 @@ def test_dump_and_check_listen_where_the_environment_says(
         said = capsys.readouterr()
     assert "bus virtual:told" in said.err
     assert "YawRate_A1" in said.out
+
+
+def test_monitor_opens_what_the_environment_says(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys.stdin, "isatty", lambda: True)
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    monkeypatch.setenv("CAN_CHANNEL", "nosuchbus9")
+    assert wrcd(["monitor"]) == 3
+    said = capsys.readouterr().err
+    assert "socketcan:nosuchbus9" in said
+
+
+@pytest.mark.parametrize("command", ["play", "demo"])
+def test_rig_plays_where_the_environment_says(
+    canrc: Path, command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("CAN_CONFIG", json.dumps({"interface": "virtual", "channel": "told"}))
+    scenario = tmp_path / "short.toml"
+    scenario.write_text(held("A", 0.5))
+    more = {"play": ["--fault", "crc:at=0.1,for=0.1,of=yaw_rate,axle=1"], "demo": ["-o", str(tmp_path)]}
+    named = ["--scenario", str(scenario)] if command == "demo" else [str(scenario)]
+    with can.Bus("told", interface="virtual", ignore_config=True) as bus:
+        sim_ecu([command, *named, *more.get(command, [])])
+        first = bus.recv(0.0)
+    assert first is not None
+    assert "virtual:told" in capsys.readouterr().err
 
 
 @pytest.mark.usefixtures("canrc")

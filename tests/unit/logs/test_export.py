@@ -62,7 +62,7 @@ def read_mf4(path: Path) -> dict[str, Group]:
 def read_mcap(path: Path) -> dict[str, list[dict[str, Any]]]:
     out: dict[str, list[dict[str, Any]]] = {}
     with path.open("rb") as f:
-        for _, channel, message in make_reader(f).iter_messages():
+        for _, channel, message in make_reader(f).iter_messages(log_time_order=False):
             assert message.log_time == message.publish_time
             row = json.loads(message.data)
             out.setdefault(channel.topic.removeprefix("/"), []).append({"time": message.log_time // 1000, **row})

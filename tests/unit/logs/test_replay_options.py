@@ -176,9 +176,10 @@ def test_output_that_is_the_configuration_is_refused(
     log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     config = tmp_path / "my.toml"
-    config.write_text("")
+    config.write_text("# mine\n")
     assert main(["replay", str(log), "--config", str(config), "--csv", f"{tmp_path}/./my.toml"]) == 2
-    assert str(tmp_path) in capsys.readouterr().err
+    assert "my.toml: is the configuration" in capsys.readouterr().err
+    assert config.read_text() == "# mine\n"
 
 
 def test_device_takes_two_outputs(log: Path) -> None:

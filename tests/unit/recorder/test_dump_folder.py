@@ -1,8 +1,11 @@
 """Where dumps go: bounded, whole, through no link, by a process that disturbs nobody."""
 
+import errno
 import os
+import signal
 import stat
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -11,7 +14,7 @@ import pytest
 from tests.support.recorded_train import RecordedTrain
 from wrcd.core.configuration import Config
 from wrcd.recorder.dump_folder import write_dump
-from wrcd.recorder.writer import Child
+from wrcd.recorder.writer import ERRNO, OVERWRITTEN, PAUSE_LINES, Child, chunks
 
 SUFFIXES = (".log", ".events.csv")
 
@@ -21,20 +24,52 @@ def names(folder: Path) -> list[str]:
 
 
 def test_bound_of_the_folder_removes_the_oldest_dumps(tmp_path: Path) -> None:
-    stranger = tmp_path / "notes.txt"
-    stranger.write_text("mine")
+    strangers = {"notes.txt", "wrcd-can0-20251121T000000Z-asked.log.gz", "wrcd-can0-20251121T000000Z-asked.txt"}
+    for name in strangers:
+        (tmp_path / name).write_text("mine")
     for i in range(5):
         write_dump(tmp_path, f"wrcd-can0-2026112{9 - i}T000000Z-asked", [b"l" * 600], b"e" * 400, 3, 10**6)
         assert len(list(tmp_path.glob("wrcd-*.log"))) <= 3
     kept = {f"wrcd-can0-2026112{9 - i}T000000Z-asked{s}" for i in (2, 3, 4) for s in SUFFIXES}
-    assert set(names(tmp_path)) == {*kept, "notes.txt"}  # by when they were written, not by what a clock said
+    assert set(names(tmp_path)) == {*kept, *strangers}  # by when they were written, not by what a clock said
     write_dump(tmp_path, "wrcd-can1-20261130T000000Z-asked", [b"l" * 600], b"e" * 400, 3, 2500)
     assert len(list(tmp_path.glob("wrcd-*.log"))) == 2
     with pytest.raises(OSError, match="too large"):
         write_dump(tmp_path, "wrcd-can1-20261131T000000Z-asked", [b"l" * 1000] * 3, b"", 3, 2500)
     assert len(list(tmp_path.glob("wrcd-*.log"))) == 2
     assert not [n for n in names(tmp_path) if n.endswith(".part")]
-    assert stranger.read_text() == "mine"
+    assert strangers < set(names(tmp_path))
+
+
+def test_full_disk_costs_the_oldest_dumps_and_nothing_else(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A disk of 2500 bytes, which the folder's bound does not know; something else has a part of it."""
+    (tmp_path / "notes.txt").write_text("n" * 700)
+    write = os.write
+
+    def onto_the_disk(fd: int, data: memoryview) -> int:
+        used = sum(f.stat().st_size for f in tmp_path.iterdir())
+        if used >= 2500:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return write(fd, data[: 2500 - used])
+
+    monkeypatch.setattr(os, "write", onto_the_disk)
+    dumps = [f"wrcd-can0-2026112{i}T000000Z-asked" for i in range(5)]
+    for name in dumps:
+        write_dump(tmp_path, name, [b"l" * 300] * 2, b"e" * 100, 20, 10**6)
+    assert set(names(tmp_path)) == {*(name + suffix for name in dumps[-2:] for suffix in SUFFIXES), "notes.txt"}
+    assert (tmp_path / f"{dumps[-1]}.log").read_bytes() == b"l" * 600
+    with pytest.raises(OSError, match="No space left"):
+        write_dump(tmp_path, "wrcd-can0-20261130T000000Z-asked", [b"l" * 2000], b"", 20, 10**6)
+    assert names(tmp_path) == ["notes.txt"]
+
+
+def test_dump_that_cannot_get_its_name_leaves_nothing(tmp_path: Path) -> None:
+    name = "wrcd-can0-20261121T172446Z-asked"
+    (tmp_path / f"{name}.log").mkdir()
+    (tmp_path / ".wrcd-can0-x.part").mkdir()
+    with pytest.raises(IsADirectoryError):
+        write_dump(tmp_path, name, [b"log"], b"events", 9, 10**6)
+    assert names(tmp_path) == [".wrcd-can0-x.part", f"{name}.log"]
 
 
 def test_symbolic_link_is_not_followed(tmp_path: Path) -> None:
@@ -95,7 +130,7 @@ def test_full_disk_leaves_no_file(tmp_path: Path) -> None:
         "try:\n"
         "    write_dump(Path(sys.argv[1]), 'wrcd-c-20261121T172446Z-asked', [b'l' * 9999], b'e', 9, 99999)\n"
         "except OSError as e:\n"
-        "    sys.exit(e.errno)\n"
+        f"    sys.exit({ERRNO} + e.errno)\n"
     )
     assert Child([sys.executable, "-c", program, str(tmp_path)]).wait(10) == "File too large"
     assert names(tmp_path) == []
@@ -135,8 +170,26 @@ def test_process_inherits_no_socket_and_blocks_signals(monkeypatch: pytest.Monke
         os.close(fd)
 
 
+def test_process_that_is_waited_for_is_told_to_hurry(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert Child([sys.executable, "-c", "import signal; signal.sigwait({signal.SIGTERM})"]).wait(60) == ""
+    pauses = list[float]()
+    monkeypatch.setattr(time, "sleep", pauses.append)
+    log = [f"{k}\n" for k in range(3 * PAUSE_LINES)]
+    assert b"".join(chunks(iter(log))) == "".join(log).encode()
+    assert len(pauses) == 3
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})
+    try:
+        signal.pthread_kill(threading.get_ident(), signal.SIGTERM)
+        assert b"".join(chunks(iter(log))) == "".join(log).encode()
+        assert signal.sigwait({signal.SIGTERM}) == signal.SIGTERM
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    assert len(pauses) == 3
+
+
 def test_failure_of_a_process_is_named_by_its_exit_status() -> None:
-    for status, says in ((28, "No space left on device"), (1, "failed")):
+    named = ((ERRNO + 28, "No space left on device"), (ERRNO + 1, "Operation not permitted"), (1, "failed"))
+    for status, says in (*named, (OVERWRITTEN, "its frames were overwritten meanwhile")):
         assert Child([sys.executable, "-c", f"import os; os._exit({status})"]).wait(10) == says
     with pytest.raises(OSError, match="No such file"):
         Child(["/nowhere/python"])

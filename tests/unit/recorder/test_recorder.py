@@ -8,14 +8,15 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.can_ids import ADHESION_A1, LAT_ACCEL_A1, WRCD_LINK, WRCD_STATUS, YAW_RATE_A1
+from tests.support.can_ids import ADHESION_A1, LAT_ACCEL_A1, VEHICLE_SPEED, WRCD_LINK, WRCD_STATUS, YAW_RATE_A1
 from tests.support.recorded_train import RecordedTrain, sent_and_replayed, spoiler
 from tests.support.rig_frames import ticks_of
 from tests.support.scripted_link import ScriptedLink
 from wrcd.bus.candump import parse_line
+from wrcd.bus.e2e import protect
 from wrcd.bus.frame import Frame
 from wrcd.cli.main import main
-from wrcd.config.config import DEFAULT, load_config
+from wrcd.config.config import DEFAULT, load_config, packaged
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import Config, RecorderConfig
 from wrcd.core.core import Core
@@ -121,6 +122,34 @@ def test_ring_is_bounded_in_seconds_and_in_frames(config: Config, tmp_path: Path
     seen = [int.from_bytes(f.data) for f in frames if f.can_id == 0x500]
     assert seen == list(range(seen[0], seen[-1] + 1))  # the newest, without a gap
     assert seen[-1] > next(numbers) - 12_000
+
+
+def test_ring_has_room_for_eight_axles(tmp_path: Path) -> None:
+    """The packaged DBC's rates: 4600 frames a second."""
+    file = tmp_path / "eight.toml"
+    file.write_text(packaged(8))
+    train = RecordedTrain(load_config(file), tmp_path / "dumps", seconds=3.0)
+
+    def every_axle(frames: list[Frame]) -> list[Frame]:
+        """Axle 1's frames for the others too, each under its own data id."""
+        others = [replace(f, can_id=f.can_id + k) for f in frames if f.can_id != VEHICLE_SPEED for k in range(1, 8)]
+        return frames + [replace(f, data=protect(f.data, f.can_id, f.data[1] & 0x0F)) for f in others]
+
+    train.run(2500, every_axle)
+    log = train.asked(every_axle)
+    recorded = frames_of(log)
+    assert (recorded[-1].stamp_us - recorded[0].stamp_us) * 1e-6 > 2.9
+    sent, replayed = sent_and_replayed(log, tmp_path / "out.log", "--config", str(file))
+    assert len([f for f in replayed if f.can_id == ADHESION_A1 + 7 and f.data[1] >> 4 == 1]) > 50
+    assert {f.key for f in replayed} == {f.key for f in sent}
+
+
+def test_dump_of_nothing_is_said(config: Config, tmp_path: Path) -> None:
+    train = RecordedTrain(config, tmp_path)
+    train.recorder.ask()
+    train.recorder.close(train.now())
+    assert "not written: no frame in the last 3 s" in train.said[0]
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_loss_of_validity_is_dumped_with_its_post_trigger_time(config: Config, tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ import pytest
 from tests.support.can_ids import UNMAPPED, YAW_RATE_A1
 from wrcd.bus.batch import FrameBatch
 from wrcd.bus.frame import Frame
-from wrcd.recorder.ring import CLASSICAL_BYTES, FD_BYTES, RECEIVED, SENT, Ring, read_ring
+from wrcd.recorder.ring import CLASSICAL_BYTES, FD_BYTES, RECEIVED, SENT, Overwritten, Ring, read_ring
 
 KINDS = [
     Frame(0, UNMAPPED, b""),
@@ -31,12 +31,15 @@ def test_every_kind_of_frame_comes_back_over_the_rings_end_too(data_bytes: int, 
     assert read(ring, ring.end) == []
 
 
-def test_batch_is_kept_as_its_frames_and_what_is_overwritten_is_left_out() -> None:
+def test_batch_is_kept_as_its_frames_and_what_is_overwritten_is_told() -> None:
     ring = Ring(10)
     frames = [Frame(k, k, bytes([k])) for k in range(25)]
     ring.put_frames(RECEIVED, FrameBatch.of(frames[:4]))
     ring.put_frames(RECEIVED, FrameBatch.of(frames[4:]))  # more than it holds
     assert ring.stamp_us(15) == 15
     assert read(ring, 15) == [(RECEIVED, f) for f in frames[15:]]
-    # it was asked for from 12 to 22, and came too late for three of them
-    assert list(read_ring(ring.fd, CLASSICAL_BYTES, 12, 22)) == [(RECEIVED, f) for f in frames[15:22]]
+    copied = read_ring(ring.fd, CLASSICAL_BYTES, 15, 25)
+    ring.put_frame(RECEIVED, frames[0])
+    assert list(copied) == [(RECEIVED, f) for f in frames[15:]]
+    with pytest.raises(Overwritten):
+        read(ring, 15)
