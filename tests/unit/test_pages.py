@@ -52,7 +52,8 @@ PAGES = [n for n in NAMES if n.startswith(FOLDERS) and to_run(n)]
 @cache
 def has_vcan() -> bool:
     """Whether the kernel has vcan. Skips the test where a network of its own is not to be had."""
-    if subprocess.run([*NETWORK, "sh", "-c", LOOPBACK], capture_output=True, check=False).returncode:
+    lacks = shutil.which(NETWORK[0]) is None
+    if lacks or subprocess.run([*NETWORK, "sh", "-c", LOOPBACK], capture_output=True, check=False).returncode:
         pytest.skip("needs a network of its own: unshare (util-linux) and ip (iproute2), and a kernel that lets it")
     return subprocess.run([*NETWORK, "sh", "-c", VCAN], capture_output=True, check=False).returncode == 0
 
@@ -61,10 +62,12 @@ def script(steps: list[Block]) -> tuple[list[str], str]:
     """What runs bash, and what bash runs: each block after a line that names it."""
     lines = ["set -euo pipefail", "jobs=", CHECK]
     on_a_bus = any(BUS in step.body for step in steps)
+    bus = BUS
     if on_a_bus:
-        lines.append(VCAN if has_vcan() else LOOPBACK)
+        bus, network = (BUS, VCAN) if has_vcan() else (MULTICAST, LOOPBACK)
+        lines.append(network)
     for step in steps:
-        body = step.body if has_vcan() or not on_a_bus else step.body.replace(BUS, MULTICAST)
+        body = step.body.replace(BUS, bus)
         lines += [f"echo {shlex.quote(f'-- {step.name}')}", BACKGROUND.sub(REMEMBER, body), "check"]
     return NETWORK if on_a_bus else [], "\n".join(lines)
 

@@ -53,7 +53,7 @@ def _run(args: Namespace) -> int:
         check_output(output, given)
         if not args.force:
             check_overwrite(output, 'content="wrcd report"', "report of wrcd")
-    _check_picture(args, given)
+    _check_picture(args, (*given, output))
     from wrcd.config.config import load_config
 
     config = load_config(args.config)
@@ -85,6 +85,8 @@ def _check_picture(args: Namespace, given: Sequence[Path | None]) -> None:
         if args.begin is not None or args.end is not None or args.axle:
             raise InputError("belongs to a picture", key="--from, --to, --axle", hint="give --png OUT.png")
         return
+    if args.output is None and (args.against is not None or args.bit_rate is not None):
+        raise InputError("belongs to a page", key="--against, --bit-rate", hint="give -o REPORT.html, too")
     need(("matplotlib",), "report")
     from wrcd.report.picture import SUFFIXES
 
