@@ -185,6 +185,7 @@ def test_package_is_run_upgraded_and_removed_without_a_trace(train: Train, tmp_p
     assert main_pid() not in (0, pid)
     check_running(train, __version__)
     check_kept()
+    assert "Traceback" not in journal()  # the old daemon has asked the new program for a last dump
 
     run(*database, *remove[1:])
     assert run("systemctl", "cat", UNIT, status=1)

@@ -3,6 +3,7 @@
 It imports little.
 """
 
+import errno
 import json
 import os
 import signal
@@ -124,8 +125,14 @@ def lines(records: Iterable[tuple[int, Frame]], channel: str) -> Iterator[str]:
 
 
 def run(ring_fd: int, request_fd: int) -> None:
-    """Write what is asked for. Raises OSError, Overwritten."""
-    r = Request(**json.loads(os.pread(request_fd, os.fstat(request_fd).st_size, 0)))
+    """Write what is asked for. Raises OSError, Overwritten; SystemExit where a daemon of another version asks, which an
+    upgrade has left running."""
+    try:
+        r = Request(**json.loads(os.pread(request_fd, os.fstat(request_fd).st_size, 0)))
+    except TypeError:
+        said = "a daemon of another version runs until it is restarted: its dump is not written"
+        print(f"wrcd: recorder: {said}", file=sys.stderr)
+        sys.exit(errno.EPROTO)  # which that one, too, says in words
     # before anything that a slow disk delays
     records = read_ring(ring_fd, r.data_bytes, r.first, r.end)
     log = chunks(lines(records, r.channel))

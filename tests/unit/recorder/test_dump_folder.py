@@ -4,6 +4,7 @@ import errno
 import os
 import signal
 import stat
+import subprocess
 import sys
 import threading
 import time
@@ -185,6 +186,17 @@ def test_process_that_is_waited_for_is_told_to_hurry(monkeypatch: pytest.MonkeyP
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
     assert len(pauses) == 3
+
+
+def test_daemon_of_another_version_is_told_that_its_dump_is_not_written() -> None:
+    with os.fdopen(os.memfd_create("request"), "wb") as request:
+        request.write(b'{"folder": ".", "position": 7, "state": true}')
+        request.flush()
+        command = [sys.executable, "-m", "wrcd.recorder.writer", "0", str(request.fileno())]
+        done = subprocess.run(command, pass_fds=(request.fileno(),), stderr=subprocess.PIPE, text=True, check=False)
+    assert done.returncode == errno.EPROTO
+    assert "a daemon of another version" in done.stderr
+    assert "Traceback" not in done.stderr
 
 
 def test_failure_of_a_process_is_named_by_its_exit_status() -> None:
