@@ -30,7 +30,7 @@ from sim_ecu.score.score_goals import ACCUSED, SCORE_GOALS
 from sim_ecu.score.suites.worlds import EVERY
 from tests.matrix.expected import LONG_ROWS, ROWS
 from tests.matrix.matrix import which, whole_axle
-from tests.support.bus_load import bits, table
+from tests.support.bus_load import MAX_LOAD_PCT, bits, bits_per_s, of_axles, table
 from tests.support.lone_wheelset import LONE_DESIGN
 from tests.support.pages import ROOT, blocks, pages
 from tests.support.statuses import STATUSES
@@ -217,6 +217,17 @@ def test_messages_page_has_every_message_and_signal_of_both_dbcs() -> None:
         for signal in message.signals:
             assert re.search(rf"\b{signal.name}\b", re.sub(r"Residual1 … Residual4", "Residual1 Residual2 Residual3 "
                              "Residual4", body)) or signal.name in ("Crc", "Counter"), signal.name  # fmt: skip
+
+
+def test_readme_names_the_most_axles_of_each_bit_rate() -> None:
+    words = {"three": 3, "six": 6, "eight": 8}
+    (named,) = re.findall(
+        r"At 250 kbit/s a bus carries (\w+) axles, at 500 kbit/s (\w+), at 1 Mbit/s (\w+)\.", text("README.md")
+    )
+    dbc = load_dbc(resources.DBC)
+    for rate, axles in zip((250_000, 500_000, 1_000_000), named, strict=True):
+        load = [100 * bits_per_s(of_axles(dbc, None, a), True) / rate for a in range(1, configuration.MAX_AXLES + 1)]
+        assert words[axles] == sum(x <= MAX_LOAD_PCT for x in load)
 
 
 def test_bus_load_is_that_of_the_dbcs() -> None:
@@ -426,6 +437,22 @@ def test_score_has_the_designs_worlds_suites_and_goals_of_the_code() -> None:
     made = [goal(figure=NOTHING) for goal in (*goals, ACCUSED)]
     expected = [(g.what, verdicts.bound(g.record())) for g in made]
     assert [(r[0], r[2]) for r in rows(SCORE, "Goals of all suites; *chance* is met, within chance:")] == expected
+
+
+def test_figures_of_the_score_stand_elsewhere_as_they_are_there() -> None:
+    world = {r[0]: r for r in rows(SCORE, "## A train")}
+    readme = {r[0]: r[1] for r in rows("README.md", "## Accuracy")}
+    own = world["its own vehicle"]
+    assert readme["mean error"] == own[1].replace(" (", " pp (")
+    assert readme["its own interval holds the truth"] == own[3].replace(" (", " % (")
+    assert readme["Valid and wrong"] == own[5].replace(" (", " % (")
+    assert readme["Valid and wrong, sensors shaken"] == world["sampled inside, shaken"][5].replace(" (", " % (")
+    lone = {r[0]: r[1].split()[0] for r in rows(SCORE, "Goals of all suites; *chance* is met, within chance:")}
+    contract = text("docs/reference/what-a-controller-does.md")
+    lie_s = float(lone["drops: Valid with the truth below the interval, 95th percentile, s"])
+    assert f"{lie_s:g} s at the 95th percentile" in contract
+    assert float(lone["drops: settled, 95th percentile, s"]) <= 2.0
+    assert "over at least two seconds" in contract
 
 
 # --- the site, as `make docs` builds it

@@ -160,6 +160,23 @@ def test_background_of_a_page_is_ended(tmp_path: Path) -> None:
         assert state == "Z"
 
 
+REASONS = {
+    "it needs the dump of your train", "it needs a terminal", "it needs root, and CAN in the kernel",
+    "it needs CAN in the kernel", "it sets up a tree of its own", "it asks a package index", "it is all tests",
+    "it would overwrite a golden file", "half an hour", "minutes",
+}  # fmt: skip
+
+
+def test_block_that_is_left_out_is_run_by_the_test_that_it_names_or_has_a_reason_that_is_known() -> None:
+    for page in NAMES:
+        for block in blocks(ROOT / page):
+            if block.skip is None or block.skip in REASONS:
+                continue
+            file = re.fullmatch(r"(tests/\S+\.py) runs it", block.skip)
+            assert file, f"{block.name}: {block.skip}"
+            assert page in (ROOT / file[1]).read_text(encoding="utf-8"), f"{file[1]} does not read {page}"
+
+
 def test_no_comment_in_a_page_speaks_to_a_program_but_skip() -> None:
     for name in NAMES:
         comments = re.findall(r"<!-- (.+?) -->", (ROOT / name).read_text(encoding="utf-8"), re.DOTALL)

@@ -119,7 +119,8 @@ def _value(series: Series | None, name: str, at_us: int) -> float:
 
 
 def moment(story: Story, given_s: float, *, key: str = "SECONDS", behind: bool = False) -> int:
-    """Seconds since 1970 where that lies within the log, else since its first frame, in microseconds. Raises InputError for a time outside of the log; behind: one behind its end is none.
+    """Seconds since 1970 where that lies within the log, else since its first frame, in microseconds. Raises InputError
+    for a time outside of the log; behind: one behind its end is none.
     """
     absolute = round(given_s * 1e6)
     if story.begin_us <= absolute <= story.end_us:
