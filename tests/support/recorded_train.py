@@ -2,6 +2,7 @@
 
 import random
 import time
+import weakref
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -33,6 +34,7 @@ class RecordedTrain:
         self.recorder = Recorder(settings, self.sim.core, "vcan0", self.said.append)
         self.daemon = Daemon(self.sim.core, self.link, clock=self.now, recorder=self.recorder)
         self.folder = folder
+        weakref.finalize(self, end, self.recorder)
 
     def now(self) -> int:
         return self.sim.t + 1000 + self.lag_us
@@ -63,6 +65,12 @@ class RecordedTrain:
             else:  # the clock stands still while a real process works
                 time.sleep(0.01)
                 self.recorder.reap()
+
+
+def end(recorder: Recorder) -> None:
+    """Wait for a dump that a test does not wait for."""
+    if recorder._child is not None:
+        recorder._child.wait(HANGS_S)
 
 
 def spoiler(seed: int) -> Callable[[list[Frame]], list[Frame]]:
