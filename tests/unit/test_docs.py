@@ -442,11 +442,16 @@ def test_score_has_the_designs_worlds_suites_and_goals_of_the_code() -> None:
 def test_figures_of_the_score_stand_elsewhere_as_they_are_there() -> None:
     world = {r[0]: r for r in rows(SCORE, "## A train")}
     readme = {r[0]: r[1] for r in rows("README.md", "## Accuracy")}
-    own = world["its own vehicle"]
-    assert readme["mean error"] == own[1].replace(" (", " pp (")
-    assert readme["its own interval holds the truth"] == own[3].replace(" (", " % (")
-    assert readme["Valid and wrong"] == own[5].replace(" (", " % (")
-    assert readme["Valid and wrong, sensors shaken"] == world["sampled inside, shaken"][5].replace(" (", " % (")
+    for figure, name, column in (
+        ("mean error", "its own vehicle", 1),
+        ("its own interval holds the truth", "its own vehicle", 3),
+        ("Valid and wrong", "its own vehicle", 5),
+        ("Valid and wrong, sensors shaken", "sampled inside, shaken", 5),
+        ("its own interval holds the truth, in another vehicle's bogie", "vehicle: another one's bogie", 3),
+    ):
+        said, scored = (re.findall(r"\d+(?:\.\d+)?", cell) for cell in (readme[figure], world[name][column]))
+        rounded = [f"{float(b):.{len(a.partition('.')[2])}f}" for a, b in zip(said, scored, strict=True)]
+        assert said == rounded, figure
     lone = {r[0]: r[1].split()[0] for r in rows(SCORE, "Goals of all suites; *chance* is met, within chance:")}
     contract = text("docs/reference/what-a-controller-does.md")
     lie_s = float(lone["drops: Valid with the truth below the interval, 95th percentile, s"])
