@@ -81,7 +81,7 @@ BUDGETS = {
     "systemd": 593,
     "wrcd": 253,
     "wrcd/bus": 3087,
-    "wrcd/cli": 1125,
+    "wrcd/cli": 1128,
     "wrcd/config": 2646,
     "wrcd/contract": 1312,
     "wrcd/core": 4079,

@@ -78,6 +78,7 @@ def test_monitor_shows_a_log_explains_shrinks_and_ends(terminal: Terminal, confi
     frames = [*made.stretch(0, 9_000_000, GOOD), *made.stretch(9_000_000, 15_000_000, low)]
     (tmp_path / "ride.log").write_text("".join(f"{format_line(f, 'can0')}\n" for f in frames))
     terminal.wait_for(lambda screen: screen.startswith("$"))
+    terminal.type("export COLUMNS LINES")  # as some shells do
     terminal.type(f"clear; {sys.executable} -m wrcd.cli monitor ride.log; echo status $?")
     terminal.wait_for(has_axle_1)
     terminal.press("w")
