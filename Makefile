@@ -1,11 +1,10 @@
 # make demo   set up, then play a wheelset onto a CAN bus and watch the estimate against the truth
 # make test   set up, then all tests: on the host, on a real kernel's vcan and under real systemd; lists what this machine lacks for some
-# make walk   a new user's first hour in a clone of the last commit: demo, own DBC, a bus, screens and pages; 4 minutes
 # make lint   format, lint, types: seconds
 # make night  the slowest tests, minutes of processor time, which make test and make check leave out
 # make check  make lint and make test; both, whatever fails
 # make corpus  515 logs from seeds through wrcd replay: whether frames, events and rows are as recorded; minutes. Before every landing
-# make docs   prints what the pages quote from the program again, and builds their site into build/site; make docs-all score and fault matrix too, most of an hour
+# make docs   builds the pages' site into build/site
 # make vcan -- COMMAND  COMMAND where there is a vcan0: on this kernel, or in a throw-away one; without COMMAND a shell
 # make fuzz   property tests with EXAMPLES (10^5) examples each, and a million corrupted frames; hours
 # make soak   HOURS (24) on the virtual clock in one core: nothing grows, drifts or is lost; an hour
@@ -32,7 +31,7 @@ vcan:
 Makefile: ;
 else
 
-.PHONY: demo pictures test lint check night corpus unit browser hil faults systemd walk fuzz soak coverage bench mutants format design score docs docs-all docs-check lock audit clean deb
+.PHONY: demo pictures test lint check night corpus unit hil faults systemd fuzz soak coverage bench mutants format design score docs lock audit clean deb
 
 demo: $(READY)
 	$(BIN)/sim-ecu demo
@@ -50,8 +49,8 @@ unit: $(READY)
 # vcan of this kernel where it has one, else of a throw-away guest kernel. GUEST_TIMEOUT ends one that hangs; it judges no time
 hil: $(READY)
 	GUEST_TIMEOUT=3600 tests/hil/guest/run --native-ok -- $(BIN)/python -m pytest $(HIL) \
-	    tests/hil/test_vcan.py tests/hil/test_link_*.py tests/hil/test_load.py \
-	    tests/hil/test_docs_commands.py tests/hil/test_monitor.py tests/hil/test_contract.py tests/hil/test_loop.py
+	    tests/hil/test_vcan.py tests/hil/test_link_*.py tests/hil/test_load.py tests/hil/test_monitor.py \
+	    tests/hil/test_contract.py tests/hil/test_loop.py
 
 # every fault of the matrix against the real daemon; its table is printed
 faults: $(READY)
@@ -69,15 +68,6 @@ deb: $(READY)
 # docs/leaf-patch.png, docs/monitor.svg and docs/report.png, from rides that are played for them
 pictures: $(READY)
 	$(BIN)/python -m tests.support.pictures
-
-# the report in a headless chromium (CHROMIUM=/usr/bin/chromium); BROWSER=measure how fast it is, an hour of four axles
-browser: $(READY)
-	$(BIN)/python -m pytest -p no:cacheprovider --durations=5 -rs tests/browser
-	$(if $(filter measure,$(BROWSER)),$(BIN)/python -m tests.browser.measure)
-
-# make walk STEPS="monitor report": only these, after the clone; screens and pictures go to build/walk
-walk: $(READY)
-	$(BIN)/python -m tests.walk $(STEPS)
 
 lint: $(READY)
 	$(BIN)/ruff format --check .
@@ -141,27 +131,19 @@ design: $(READY)
 	$(BIN)/sim-ecu design --config lone-wheelset -o wrcd/data/designs/lone-wheelset.design.json
 	$(BIN)/sim-ecu design --config lone-wheelset --form paper -o sim_ecu/data/lone-wheelset.paper.design.json
 
-# the tables of docs/reference/score.md; 30 minutes of processor time, on two cores
+# the tables of docs/reference/score.md, of the train and of the lone wheelset; half an hour on two cores
 score: $(READY)
-	$(BIN)/sim-ecu score --json build/score.json --html build/score.html
+	$(BIN)/sim-ecu score --suite worlds --json build/score-train.json
+	$(BIN)/sim-ecu score --design lone-wheelset --json build/score-lone.json
 
-# what stands between the markers of the pages, and the site of the pages in build/site: a warning or a dead link fails.
-# docs-check changes nothing
+# docs/signs-and-axes.png, and the site of the pages in build/site: a warning or a dead link fails
 SITE := -m sphinx -q -W --keep-going -n -E -c docs . build/site
 docs: $(READY)
-	$(BIN)/python -m tests.support.pages --write
 	$(BIN)/python -m tests.support.signs_picture
 	$(BIN)/python $(SITE)
 
-docs-all: $(READY)
-	$(BIN)/python -m tests.support.pages --write --all
-	$(BIN)/python $(SITE)
-
-docs-check: $(READY)
-	$(BIN)/python -m pytest tests/unit/test_docs.py tests/unit/test_docs_commands.py
-
-LOCK := $(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-emit-find-links --no-annotate --no-header pyproject.toml
-lock: $(READY)
+LOCK := build/lock/bin/uv pip compile -q --universal --fork-strategy fewest --python-version 3.11 --generate-hashes --no-emit-index-url --no-emit-find-links --no-annotate --no-header pyproject.toml
+lock: build/lock/bin/uv
 	$(LOCK) --extra dev -o requirements.lock
 	$(LOCK) -c requirements.lock -o requirements-train.lock
 
@@ -169,6 +151,10 @@ lock: $(READY)
 AUDIT ?= requirements-train.lock requirements.lock
 audit: build/audit/bin/pip-audit
 	build/audit/bin/pip-audit --require-hashes --disable-pip --strict --progress-spinner off $(AUDIT:%=-r %)
+
+build/lock/bin/uv:
+	$(PYTHON) -m venv build/lock
+	build/lock/bin/python -m pip install -q --disable-pip-version-check uv
 
 build/audit/bin/pip-audit:
 	$(PYTHON) -m venv build/audit

@@ -1,4 +1,4 @@
-"""The site of these pages: Sphinx with MyST and Furo. `make docs` builds it into build/site; nothing is fetched.
+"""The site of these pages: Sphinx with MyST, its own theme. `make docs` builds it into build/site; nothing is fetched.
 
 The pages are plain Markdown and read alike on a code host. The source folder is the repository's: README.md is the
 front page, docs/README.md says what stands in the sidebar, and a link to a file of the repository gives that file.
@@ -29,7 +29,8 @@ myst_heading_anchors = 4
 myst_links_external_new_tab = False
 suppress_warnings = ["myst.header"]  # a quoted score begins with a table, not with a heading of its own
 
-html_theme = "furo"
+html_theme = "alabaster"
+html_theme_options = {"page_width": "1200px", "body_max_width": "none"}
 html_title = f"wrcd {release}"
 html_copy_source = False
 html_show_sphinx = False
@@ -37,7 +38,6 @@ html_show_search_summary = False  # it fetches pages, which a browser does not l
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
 pygments_style = "friendly"
-pygments_dark_style = "monokai"
 
 
 def sections() -> list[tuple[str, list[str]]]:
@@ -48,7 +48,8 @@ def sections() -> list[tuple[str, list[str]]]:
         lines = re.findall(r"^- .+", part, re.MULTILINE)
         links = [link for line in lines for link in re.findall(r"\]\(([^)#]+)\.md\)", line)]
         pages = [(ROOT / INDEX).parent.joinpath(link).resolve().relative_to(ROOT).as_posix() for link in links]
-        found.append((part.partition("\n")[0].strip(), pages))
+        if pages:
+            found.append((part.partition("\n")[0].strip(), pages))
     return found
 
 

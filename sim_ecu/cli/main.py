@@ -30,7 +30,6 @@ MODULES = {
     "packaging": ("bench", "packaging"),
     "e2e": ("bench", "autosar-e2e"),
     "matplotlib": ("bench", "matplotlib"),
-    "jinja2": ("bench", "jinja2"),
     "sklearn": ("learned", "scikit-learn"),
     "pyarrow": ("campaign", "pyarrow"),
     "pandas": ("campaign", "pandas"),

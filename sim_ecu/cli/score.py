@@ -23,7 +23,6 @@ def _add(p: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     p.add_argument("--fail-on", choices=(MISSED,), help="exit 1 where a goal is missed, beyond chance")
     p.add_argument("--json", type=Path, metavar="OUT", help="all figures")
-    p.add_argument("--html", type=Path, metavar="OUT", help="a page with tables and pictures")
 
 
 def _run(args: argparse.Namespace) -> int:
@@ -32,14 +31,14 @@ def _run(args: argparse.Namespace) -> int:
 
     check_least(args, jobs=1)
     design = design_path(args.design or DEFAULT_DESIGN)
-    return run(args.suite, args.quick, args.jobs, design, args.beside, args.json, args.html, args.fail_on)
+    return run(args.suite, args.quick, args.jobs, design, args.beside, args.json, args.fail_on)
 
 
 COMMAND = Subcommand(
     "score",
     "how good a design is, with baselines beside it",
     (
-        ("sim-ecu score --quick --html score.html", "a twelfth of the runs, as a page"),
+        ("sim-ecu score --quick --json score.json", "a twelfth of the runs: tables, and all figures in a file"),
         (
             "sim-ecu score --suite transitions --fail-on missed",
             "one suite, with all its runs; exit 1 where a goal is missed",

@@ -1,6 +1,6 @@
 """The small-signal wheelset, equations (13)-(15), with the errata mended, and its steady-state filters.
 
-The errata are in docs/explanation/paper-map-and-errata.md."""
+The errata are in docs/explanation/vehicle.md."""
 
 from dataclasses import dataclass
 

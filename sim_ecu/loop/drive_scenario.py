@@ -21,9 +21,9 @@ from wrcd.config.settings import Section, read_toml
 GROUND, WHEELS = "ground", "wheels"
 
 SPEED = Over("speed_m_s", "the speed at the start; it moves freely from then on", 0.0, 100.0, "m/s", 25.0)
-DRIVER = Other("driver", "what the driver asks for", "table", "needed")
-ACTUATORS = Other("actuators", "drive and brakes of every wheelset, where they differ", "table")
-CLEANING = Other("cleaning", "the rail is cleaned by the energy of the slip; without the table it is not", "table")
+DRIVER = Other("driver", "what the driver asks for", "needed")
+ACTUATORS = Other("actuators", "drive and brakes of every wheelset, where they differ")
+CLEANING = Other("cleaning", "the rail is cleaned by the energy of the slip; without the table it is not")
 STOP = Measure("stop_m_s", "slower than that, the run is over", 0.0, 100.0, 3.0, unit="m/s")
 SPEED_OF_WRCD = Choice(
     "speed_of_wrcd",
@@ -41,8 +41,8 @@ FULL_BRAKE = Measure(
     "torque of the full service brake at the wheelset; our choice",
     0.0, 2e5, Actuators().full_brake_N_m, unit="N m",
 )  # fmt: skip
-OF_DRIVE = Other("drive", "traction motor and electric brake", "table")
-OF_PNEUMATICS = Other("pneumatics", "brake cylinder, its valve, its blocks or pads", "table")
+OF_DRIVE = Other("drive", "traction motor and electric brake")
+OF_PNEUMATICS = Other("pneumatics", "brake cylinder, its valve, its blocks or pads")
 
 _OF_DRIVE: Mapping[str, tuple[str, float, float, str]] = {
     "max_traction_N_m": ("N m", 0.0, 2e5, "full traction"),

@@ -1,4 +1,4 @@
-"""Every key of a scenario, by table: the parser reads by these, and docs/reference/scenario.md is made from them."""
+"""Every key of a scenario, by table: the parser reads by these, and docs/reference/scenario.md has them."""
 
 from collections.abc import Mapping
 
@@ -8,12 +8,10 @@ from sim_ecu.physics.axlebox import CORRUGATION_M_S, QUIET, SHAPES
 from sim_ecu.physics.contact import CURVES
 from sim_ecu.physics.rail import BLEND_M
 from sim_ecu.physics.sensors import MOUNTINGS, SENSOR_SETS, G
-from sim_ecu.physics.track import SPECTRA
 from sim_ecu.physics.wheelset import Bogie, Wheelset
-from sim_ecu.play.faults import ALL, DURATION_S, KINDS, SIGNALS
+from sim_ecu.play.faults import ALL, DURATION_S, SIGNALS
 from wrcd.config.keys import Choice, Flag, Interval, Key, Number, Text, Whole
 from wrcd.config.section import Section
-from wrcd.core.configuration import MAX_AXLES
 from wrcd.resources import DEFAULT_DESIGN
 
 LARGEST = 1e6
@@ -48,7 +46,6 @@ class Over(Key):
     ) -> None:
         super().__init__(name, what)
         self.low, self.high, self.unit, self.default = low, high, unit, default
-        self.takes = f"{low:g} … {high:g}, or [[s, value], …]"
 
     def read(self, section: Section) -> Rows:
         """Times in s, and values. Raises InputError."""
@@ -69,9 +66,9 @@ class Over(Key):
 class Other(Key):
     """A key with a form of its own; the parser checks it."""
 
-    def __init__(self, name: str, what: str, form: str, default: str = "–", unit: str = "") -> None:
+    def __init__(self, name: str, what: str, default: str = "–", unit: str = "") -> None:
         super().__init__(name, what)
-        self.takes, self.default, self.unit = form, default, unit
+        self.default, self.unit = default, unit
 
 
 def _names(words: Mapping[str, object] | tuple[str, ...]) -> tuple[str, ...]:
@@ -80,7 +77,7 @@ def _names(words: Mapping[str, object] | tuple[str, ...]) -> tuple[str, ...]:
 
 TITLE = Text("title", "one line for `sim-ecu list`; default: the file's name")
 DURATION = Measure("duration_s", "how long it plays", 0.1, LARGEST, 30.0, unit="s")
-AXLES = Other("axles", "the axles that run", f"list of 1 … {MAX_AXLES}", "[1]")
+AXLES = Other("axles", "the axles that run", "[1]")
 SPEED = Over("speed_m_s", "the speed; without `hold_speed` only its first value counts", 0.0, 100.0, "m/s", 25.0)
 HOLD_SPEED = Flag(
     "hold_speed",
@@ -88,27 +85,25 @@ HOLD_SPEED = Flag(
     "by its torques, its running resistance and its mass",
     True,
 )
-SEED = Other("seed", "of track, vibration and noise; of an axle: of a track of its own", "whole number from 0 on", "1")
+SEED = Other("seed", "of track, vibration and noise; of an axle: of a track of its own", "1")
 TRACK = Other(
     "track",
     "irregularity: a spectrum, or the A_a of one of alignment alone",
-    f"{', '.join(SPECTRA)}, or 0 … 0.0001",
     "good",
     "m rad",
 )
-SENSORS = Other("sensors", "a set, or a table", f"{', '.join(SENSOR_SETS)}, or table", "mems")
-RAIL = Other("rail", "sections of rail, each from a distance on", "[[rail]]", "needed")
-DRIVE = Other("drive", "what driver and traction control want", "table", "needed")
-AXLEBOX = Other("axlebox", "what the axle box feels besides the track", "table")
+SENSORS = Other("sensors", "a set, or a table", "mems")
+RAIL = Other("rail", "sections of rail, each from a distance on", "needed")
+DRIVE = Other("drive", "what driver and traction control want", "needed")
+AXLEBOX = Other("axlebox", "what the axle box feels besides the track")
 VEHICLE = Other(
     "vehicle",
     "a packaged vehicle, or a bogie and half a car body: what differs from the multiple unit's",
-    "name, or table",
     DEFAULT_DESIGN,
 )
-WHEELSET = Other("wheelset", "what differs from the vehicle's wheelset", "table")
-OF_AXLE = Other("axle", "[axle.N]: what differs for one axle", "tables by number")
-FAULT = Other("fault", "what goes wrong, as with `sim-ecu play --fault`", "[[fault]]")
+WHEELSET = Other("wheelset", "what differs from the vehicle's wheelset")
+OF_AXLE = Other("axle", "[axle.N]: what differs for one axle")
+FAULT = Other("fault", "what goes wrong, as with `sim-ecu play --fault`")
 POSITION = Measure(
     "position_m", "ahead of the first axle; default: two vehicles of two bogies", -1000.0, 1000.0, unit="m"
 )
@@ -217,9 +212,7 @@ VIBRATION = Measure(
     "vibration_m_s2", "rms at the accelerometer, of what its sampling reaches", 0.0, 200.0, QUIET.vibration_m_s2,
     unit="m/s²",
 )  # fmt: skip
-BAND = Other(
-    "band_hz", "of the vibration; above 100 Hz with inner sampling alone", "[lowest, highest]", "[20, 100]", "Hz"
-)
+BAND = Other("band_hz", "of the vibration; above 100 Hz with inner sampling alone", "[20, 100]", "Hz")
 BAND_POWER = Measure(
     "vibration_power", "its density goes with frequency to this power", 0.0, 4.0, QUIET.vibration_power
 )
@@ -243,12 +236,12 @@ GYRO_FEELS = Measure(
     "gyro_per_m_s2", "what the gyro feels of it", -1.0, 1.0, QUIET.gyro_per_m_s2, unit="rad/s per m/s²"
 )
 
-KIND = Other("kind", "see `sim-ecu list`", ", ".join(KINDS), "needed")
+KIND = Other("kind", "see `sim-ecu list`", "needed")
 AT = Measure("at_s", "when it begins; needed", 0.0, LARGEST, unit="s")
 FOR = Measure("duration_s", "how long it lasts", 0.001, LARGEST, DURATION_S, unit="s")
 OF = Choice("of", "which signal; all: the axle's own three", (*SIGNALS, ALL), "yaw_rate")
-AXLE = Other("axle", "of which axle", f"1 … {MAX_AXLES}", "the first")
-AMOUNT = Other("amount", "how much", "number", "the kind's", "the kind's")
+AXLE = Other("axle", "of which axle", "the first")
+AMOUNT = Other("amount", "how much", "the kind's", "the kind's")
 
 SHARED: tuple[Key, ...] = (RAIL, DRIVE, TRACK, SENSORS, AXLEBOX, SEED)  # that an axle may have otherwise
 # By the table's name.

@@ -1,1 +1,1 @@
-"""What the rig shows: values, tables, verdicts, pictures and pages. No other room makes any."""
+"""What the rig shows: values, tables, verdicts."""

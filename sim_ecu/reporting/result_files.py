@@ -24,16 +24,11 @@ def check_output(key: str, file: Path | None) -> None:
         raise InputError("is a folder", file=file, key=key, hint="name the file to write")
 
 
-def write_results(
-    result: dict[str, Any], json_out: Path | None, html_out: Path | None, page: Callable[[], str]
-) -> None:
-    """Write the figures as JSON and as a page, where requested. page makes it: what draws is imported by then only."""
-    if json_out:
-        with create(json_out) as file:
+def write_json(result: dict[str, Any], out: Path | None) -> None:
+    """Write the figures, where requested."""
+    if out:
+        with create(out) as file:
             file.write(json.dumps(plain(result), indent=1, ensure_ascii=False, allow_nan=False) + "\n")
-    if html_out:
-        with create(html_out) as file:
-            file.write(page())
 
 
 def save(file: Path, write: Callable[[Path], object]) -> None:

@@ -1,26 +1,17 @@
 """Goals: a figure, its bound, and whether it is met or chance may be why."""
 
 import math
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from sim_ecu.reporting.page import Folded, Items, Part
-from sim_ecu.reporting.table import Row, Table
+from sim_ecu.reporting.table import Table
 from sim_ecu.reporting.values import CHANCE, MET, MET_CHANCE, MISSED, TOO_FEW, Figure, Rounded
 
 MIN_RUNS = 10  # a figure of fewer runs judges nothing
 # A quick score has up to ten runs of a suite, chosen to be spread, not to be many: a level of Confidence that held the
 # truth in every frame of ten runs was called missed, one of 400 frames met.
 MIN_QUICK_RUNS = 20
-MAX_LISTED = 15  # missed goals above the pictures; more are folded
-
-# in a sentence that counts
-COUNTED = {
-    MET: "met", MET_CHANCE: "met within chance", CHANCE: "missed within chance", MISSED: "missed",
-    TOO_FEW: "with too few runs to judge",
-}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,25 +47,6 @@ class Goal:
         }  # fmt: skip
 
 
-def counted(verdicts: Sequence[str]) -> str:
-    """Return how many goals have which verdict, as a sentence."""
-    n = Counter(verdicts)
-    parts = ", ".join(f"{n[verdict]} {words}" for verdict, words in COUNTED.items() if n[verdict])
-    return f"Of {len(verdicts)} goal{'s' * (len(verdicts) != 1)} {parts}."
-
-
-def head(goals: Sequence[dict[str, Any]]) -> list[Part]:
-    """Return what a page says first: how many goals are met, and which are not."""
-    out: list[Part] = [counted([g["verdict"] for g in goals])]
-    if missed := [g["what"] for g in goals if g["verdict"] == MISSED]:
-        named = Items(missed)
-        if len(missed) <= MAX_LISTED:
-            out += ["Missed:", named]
-        else:
-            out.append(Folded(f"The {len(missed)} missed, by name", [named]))
-    return out
-
-
 def bound(goal: dict[str, Any]) -> str:
     """Return a goal's bound with its sign, or both."""
     upper = f" and ≤ {goal['up_to']:g}" if goal["up_to"] < math.inf else ""
@@ -82,9 +54,6 @@ def bound(goal: dict[str, Any]) -> str:
 
 
 def table(goals: Sequence[dict[str, Any]]) -> Table:
-    """Return a row for each goal; what is missed stands out."""
-    rows = [
-        Row([g["what"], Rounded(g["figure"], 3), bound(g), g["verdict"]], css="missed" * (g["verdict"] == MISSED))
-        for g in goals
-    ]
+    """Return a row for each goal."""
+    rows = [[g["what"], Rounded(g["figure"], 3), bound(g), g["verdict"]] for g in goals]
     return Table(["goal", "value", "bound", ""], rows)

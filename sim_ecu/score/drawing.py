@@ -1,14 +1,18 @@
 """How the paper's figures are drawn: one colour for each model and its curve, the truth black, the estimate purple."""
 
 from collections.abc import Iterator, Mapping
+from typing import Any
 
+import matplotlib
 import numpy as np
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from sim_ecu.design.rules import PAPER_POLYNOMIAL
 from sim_ecu.physics.contact import CURVES, peak, traction_ratio
-from sim_ecu.reporting.plots import PictureLook, fields, legend
 from sim_ecu.score.figure_data import (
     LINEAR,
     OVER_TIME,
@@ -22,7 +26,7 @@ from sim_ecu.score.figure_data import (
 )
 from wrcd.estimator.design import MODELS
 
-LOOK = PictureLook(wide=True, dark=False)
+WIDTH, MARGIN = 10.0, 0.8  # inches; the margin is for what is not in a field
 MODEL_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#D55E00")
 OTHER_CURVES = ("0.35", "0.6")  # those that no model is designed for
 ESTIMATE, TRUTH, USED, PRINTED = "#7B3294", "black", "0.85", "0.5"
@@ -72,7 +76,7 @@ def draw(d: Data) -> Iterator[tuple[int, str, Figure]]:
 
 def _creep_curves(d: Data) -> Figure:
     """Fig. 1."""
-    figure, (ax,) = fields(LOOK, 1, 5.2)
+    figure, (ax,) = _fields(1, 5.2)
     contact, points = d.subject.wheelset.contact, d.subject.points
     creep = np.linspace(1e-5, MAX_CREEP, 600)
     colours = {p.curve.name: MODEL_COLOURS[m] for m, p in enumerate(points)}
@@ -87,7 +91,7 @@ def _creep_curves(d: Data) -> Figure:
         ax.plot(100 * x, y, "o", ms=8, mfc="white", mec=MODEL_COLOURS[m], mew=2)
         ax.annotate(f"model {m + 1}", (100 * x, y), xytext=(14, -12), textcoords="offset points", fontsize=8)
     ax.set(xlabel="creepage, %", ylabel="traction ratio μ", xlim=(0, 100 * MAX_CREEP), ylim=(0, None))
-    legend(figure, LOOK, columns=3)
+    _legend(figure, 3)
     return figure
 
 
@@ -106,7 +110,7 @@ def _unit(d: Data) -> str:
 
 def _residuals(d: Data, runs: Mapping[str, HeldTrace]) -> Figure:
     """Figs. 3 to 5: windowed residuals over time, as they are and within each model's own range; a row per run."""
-    figure, axes = fields(LOOK, 2 * len(runs), 3.4, columns=2, sharex=True)
+    figure, axes = _fields(2 * len(runs), 3.4, columns=2, sharex=True)
     for row, (title, t) in enumerate(runs.items()):
         late = t.t_s >= d.subject.design.window_s / 2
         whole, own = axes[2 * row : 2 * row + 2]
@@ -116,13 +120,13 @@ def _residuals(d: Data, runs: Mapping[str, HeldTrace]) -> Figure:
             _by_model(ax, d, t.t_s, values)
             ax.set(xlim=(0, t.t_s[-1]), xlabel="time, s", title=title)
             _filling(ax, d.subject.design.window_s)
-    legend(figure, LOOK, columns=2)
+    _legend(figure, 2)
     return figure
 
 
 def _levels(d: Data) -> Figure:
     """Fig. 6."""
-    figure, axes = fields(LOOK, 4, 3.8, columns=2, sharex=True, sharey="row")
+    figure, axes = _fields(4, 3.8, columns=2, sharex=True, sharey="row")
     contact, (_, below) = d.subject.wheelset.contact, d.regions
     titles = "saturated: held at the peak", f"below saturation: held at {below.creep_of_peak:g} of the peak's creep"
     for whole, own, levels, title in zip(axes[:2], axes[2:], d.regions, titles, strict=True):
@@ -135,13 +139,13 @@ def _levels(d: Data) -> Figure:
                     mu = 100 * peak(SPEED, contact, *p.curve.row())[1]
                     ax.axvline(mu, color=MODEL_COLOURS[m], lw=1, ls=":")
         own.set_xticks(ticks := (2, 3, 5, 10, 20, 40), [f"{t:g}" for t in ticks])
-    legend(figure, LOOK, columns=2)
+    _legend(figure, 2)
     return figure
 
 
 def _sets(d: Data, model: int, what: str) -> Figure:
     """Figs. 8, 9: the membership functions of what the rules see of a residual, and where Fig. 6's windows lie."""
-    figure, (top, bottom) = fields(LOOK, 2, 2.7, columns=1, sharex=True)
+    figure, (top, bottom) = _fields(2, 2.7, columns=1, sharex=True)
     sets, colour = d.subject.design.residual_sets[model - 1], MODEL_COLOURS[model - 1]
     every = [levels.seen[..., model - 1].ravel() for levels in d.regions]
     low, high = min(sets.centres[0], *(v.min() for v in every)), max(sets.centres[-1], *(v.max() for v in every))
@@ -152,13 +156,13 @@ def _sets(d: Data, model: int, what: str) -> Figure:
     labels, bins = ["saturated", "below saturation"], 10 ** np.linspace(x[0], x[-1], 50)
     bottom.hist([10**v for v in every], bins=bins.tolist(), stacked=True, color=[colour, "0.65"], label=labels)
     bottom.set(xlabel=what, ylabel="windows", xlim=(10 ** x[0], 10 ** x[-1]))
-    legend(figure, LOOK, columns=5)
+    _legend(figure, 5)
     return figure
 
 
 def _output(d: Data) -> Figure:
     """Fig. 10: what the rules say in the middle of their sets, and what turns the output into adhesion."""
-    figure, (bars, ax) = fields(LOOK, 2, 4.8, columns=2)
+    figure, (bars, ax) = _fields(2, 4.8, columns=2)
     design = d.subject.design
     bars.hist(np.clip(design.bases, 0.0, 100.0), list(range(0, 105, 5)), color=ESTIMATE, alpha=0.8)
     bars.set(xlabel="fuzzy output in the middle of a rule's sets", ylabel="rules", xlim=(0, 100))
@@ -168,13 +172,13 @@ def _output(d: Data) -> Figure:
     ax.axhspan(*design.adhesion_range_pct, color=ESTIMATE, alpha=0.08, lw=0, label="range that we clamp to")
     ax.axhline(0, color="black", lw=0.8)
     ax.set(xlabel="fuzzy output", ylabel="adhesion, %", xlim=(0, 100))
-    legend(figure, LOOK)
+    _legend(figure, 4)
     return figure
 
 
 def _estimate(t: HeldTrace, window_s: float) -> Figure:
     """Figs. 11 to 13: fuzzy output and adhesion over time; one track thick, the others thin."""
-    figure, (fuzzy, mu) = fields(LOOK, 2, 3.1, columns=1, sharex=True)
+    figure, (fuzzy, mu) = _fields(2, 3.1, columns=1, sharex=True)
     for ax, values, label in ((fuzzy, t.fuzzy, None), (mu, t.mu_pct, "available, estimate")):
         ax.plot(t.t_s, values[:, 1:], color=ESTIMATE, lw=0.6, alpha=0.5)
         ax.plot(t.t_s, values[:, 0], color=ESTIMATE, lw=1.8, label=label)
@@ -188,7 +192,7 @@ def _estimate(t: HeldTrace, window_s: float) -> Figure:
     top = 1.25 * max(np.nanmax(high[late]), np.nanmax(t.mu_pct[late]), t.truth_pct.max())
     fuzzy.set(ylabel="fuzzy output", ylim=(0, 100))
     mu.set(xlabel="time, s", ylabel="adhesion, %", xlim=(0, t.t_s[-1]), ylim=(0, top))
-    legend(figure, LOOK, columns=5)
+    _legend(figure, 5)
     return figure
 
 
@@ -197,3 +201,21 @@ def _filling(ax: Axes, window_s: float) -> None:
     ax.axvline(SETTLED_S, color="0.4", lw=0.8, ls=":")
     ax.axvspan(0, window_s, facecolor="none", edgecolor="0.88", hatch="//", lw=0, zorder=0)
     ax.text(window_s / 2, 0.98, "window fills", transform=ax.get_xaxis_transform(), ha="center", va="top", fontsize=7)
+
+
+def _fields(n: int, height: float, columns: int = 1, **more: Any) -> tuple[Figure, list[Axes]]:
+    """Return a picture of n fields, each so high."""
+    rows = n // columns
+    figure, axes = plt.subplots(
+        rows, columns, figsize=(WIDTH, MARGIN + height * rows), layout="constrained", squeeze=False, **more
+    )
+    for ax in axes.flat:
+        ax.grid(alpha=0.3)
+    return figure, list(axes.flat)
+
+
+def _legend(figure: Figure, columns: int) -> None:
+    """Put a legend below the fields: of all labels, each once."""
+    found = [ax.get_legend_handles_labels() for ax in figure.axes]
+    handles = {name: h for artists, names in found for h, name in zip(artists, names, strict=True)}
+    figure.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=columns, frameon=False)

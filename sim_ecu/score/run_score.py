@@ -10,9 +10,8 @@ from typing import Any
 from sim_ecu import resources as rig
 from sim_ecu.design.brief import load_source
 from sim_ecu.jobs.whole import Missing, Piece, every, left_out, not_whole
-from sim_ecu.reporting.page import Page, html, markdown
-from sim_ecu.reporting.result_files import check_output, status_by_goals, write_results
-from sim_ecu.reporting.verdicts import head
+from sim_ecu.reporting.result_files import check_output, status_by_goals, write_json
+from sim_ecu.reporting.table import markdown
 from sim_ecu.score import SUITES
 from sim_ecu.score.baselines import PAPER, Baseline, Beside, TorqueRatio, fitting
 from sim_ecu.score.report import judge
@@ -43,11 +42,10 @@ class ScoreRequest:
 
 def run(
     suite: str | None, quick: bool, jobs: int, design: Path, beside: Sequence[str],
-    json_out: Path | None, html_out: Path | None, fail_on: str | None,
+    json_out: Path | None, fail_on: str | None,
 ) -> int:  # fmt: skip
-    """Play, judge, print; write the figures as JSON and a page where requested."""
+    """Play, judge, print; write the figures as JSON where requested."""
     check_output("--json", json_out)
-    check_output("--html", html_out)
     others = [_named(b) for b in beside]
     papers = paper_form_of(design)
     if papers is not None:
@@ -64,7 +62,7 @@ def run(
     result["run"]["seconds"] = round(time.monotonic() - began)
     if result["suites"]:
         print("\n".join([*(f"{word}: {text}\n" for word, text in warnings(result)), *markdown(sections(result))]))
-        write_results(result, json_out, html_out, lambda: _page(result, traces))
+        write_json(result, json_out)
     if missing:
         raise not_whole(missing)
     return status_by_goals(fail_on, result["goals"])
@@ -82,16 +80,6 @@ def _holed(missing: Sequence[Missing], suite: str | None) -> tuple[str, ...]:
     if "grid" in found:
         found |= set(PAIRED) if suite is None else {suite}
     return tuple(name for name in SUITES if name in found)
-
-
-def _page(result: dict[str, Any], traces: list[Trace]) -> str:
-    from sim_ecu.score.score_pictures import pictures  # what draws is imported where a page is requested
-
-    name = result["design"]["name"]
-    return html(
-        Page(f"sim-ecu score: {name}", f"How good is the design {name}?", sections(result), head(result["goals"]),
-             warnings(result), pictures(result, traces))
-    )  # fmt: skip
 
 
 def _named(text: str) -> tuple[str, Path]:

@@ -1,12 +1,11 @@
-"""The score as sections of tables, for the terminal, for docs/reference/score.md and for a page."""
+"""The score as sections of tables, for the terminal and docs/reference/score.md."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from sim_ecu.reporting import verdicts
-from sim_ecu.reporting.page import PageSection, Part
-from sim_ecu.reporting.table import Table
+from sim_ecu.reporting.table import Chapter, Table
 from sim_ecu.reporting.values import UNKNOWN, Figure, Rounded, Share, Value, number, share
 from sim_ecu.score.metrics.accuracy import OURS, WRONG_OF_TRUTH, WRONG_PP
 
@@ -36,11 +35,11 @@ def warnings(result: Mapping[str, Any], quick: tuple[str, str] = QUICK) -> list[
     return holes + ([quick] if run.get("quick") else [])
 
 
-def sections(result: Mapping[str, Any]) -> list[PageSection]:
+def sections(result: Mapping[str, Any]) -> list[Chapter]:
     """Return a section for each suite, before them how to read them, behind them the goals."""
     d = result["design"]
     out = [
-        PageSection("", "", [
+        Chapter("", "", [
             f"design {d['name']} {d['checksum'][:12]}, window {d['window_s']:g} s; "
             "errors in percentage points (pp) of MuAvailable",
             result["seeds"], INTERVALS, WRONGS, BASELINES,
@@ -48,7 +47,7 @@ def sections(result: Mapping[str, Any]) -> list[PageSection]:
     ]  # fmt: skip
     for name, s in result["suites"].items():
         about, parts = _SUITES[name](s)
-        out.append(PageSection(name, about, parts))
+        out.append(Chapter(name, about, parts))
     every = {name: s["not_valid_of"]["all"] for name, s in result["suites"].items()}
     lost = Table(
         ["suite", "not Valid", "a sensor accused", "causes"],
@@ -56,12 +55,12 @@ def sections(result: Mapping[str, Any]) -> list[PageSection]:
     )
     return [
         *out,
-        PageSection("not Valid", "share of the frames from when they are judged on", [lost]),
-        PageSection("goals", "what the design is held to", [verdicts.table(result["goals"])]),
+        Chapter("not Valid", "share of the frames from when they are judged on", [lost]),
+        Chapter("goals", "what the design is held to", [verdicts.table(result["goals"])]),
     ]
 
 
-Shown = tuple[str, list[Part]]
+Shown = tuple[str, list[str | Table]]
 
 
 def apart(ours: Figure, theirs: Figure) -> str:
@@ -98,7 +97,8 @@ def _not_valid(n: Mapping[str, Any]) -> str:
 
 def _grid(s: Mapping[str, Any]) -> Shown:
     lo, hi = s["speeds"]
-    out: list[Part] = [_accuracy(s["compared"], {f"{OURS}, tactical sensors": s["tactical"]} if s["tactical"] else {})]
+    tactical = {f"{OURS}, tactical sensors": s["tactical"]} if s["tactical"] else {}
+    out: list[str | Table] = [_accuracy(s["compared"], tactical)]
     if s["tactical"]:
         out.append(f"Tactical over mems on the same conditions: {number(s['tactical']['ratio'])}.")
     out += [Table([key, *(row := s["by"][key])], [["mean error", *row.values()]]) for key in ("utilisation", "curve")]

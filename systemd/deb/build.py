@@ -37,7 +37,7 @@ PLACES = {
 }
 SCRIPTS = ("preinst", "postinst", "prerm", "postrm")
 # What somebody on the train looks up, where there is no network.
-REFERENCE = ("configuration.md", "messages.md", "validity.md", "exit-codes.md")
+REFERENCE = ("configuration.md", "dbc.md", "messages.md", "validity.md", "exit-codes.md")
 MAINTAINER = "the wrcd maintainers <wrcd@users.noreply.github.com>"
 ENTRY = """#!{home}/bin/python
 import sys

@@ -7,6 +7,7 @@ import time
 import pytest
 
 from tests.support.contract import EXAMPLES, outcomes, run_pytest
+from tests.support.pages import run_by
 
 pytest_plugins = ("pytester",)
 # a rule of each kind; all of them are played on virtual time, and take most of a minute on a bus
@@ -27,11 +28,8 @@ RULES = {
 UNBROKEN = {"valid-is-used", "lost-frames-are-no-fault", "late-frames-are-no-fault", "drop-is-followed-at-once"}
 
 
-# as the page has it
-COMMAND = (
-    "pytest --pyargs wrcd.contract.checks "
-    '--wrcd-process "python examples/careful_consumer.py -i {interface} -c {channel}"'
-)
+(STEP,) = run_by("tests/hil/test_contract.py", "docs/how-to/test-a-consumer.md")
+(COMMAND,) = STEP.commands
 
 
 def played(pytester: pytest.Pytester, name: str) -> pytest.RunResult:

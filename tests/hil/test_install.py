@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.page_commands import run_by
+from tests.support.pages import run_by
 from tests.support.unit_train import BUILT, UNIT, Train, dpkg, journal, main_pid, package, prop, systemctl
 from wrcd import __version__
 from wrcd.config.config import DEFAULT

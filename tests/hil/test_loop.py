@@ -11,6 +11,7 @@ import pytest
 from tests.support.can_ids import ADHESION_A1
 from tests.support.loop_wire import TIMINGS, stop_in_lockstep
 from tests.support.metronome import SLOT_US, metronome
+from tests.support.pages import run_by
 from tests.support.processes import BIN, running, wait_for
 from tests.support.vcan import CANDUMP, now_us
 from wrcd.config.config import packaged
@@ -45,9 +46,11 @@ def test_stop_on_a_real_bus_has_the_figures_of_the_lockstep_run(start: Start, tm
     print(*expected, sep="\n")
     config, log, out = (tmp_path / name for name in ("one.toml", "candump.log", "out.json"))
     config.write_text(packaged(1))
+    (step,) = run_by("tests/hil/test_loop.py", "docs/how-to/close-the-loop.md")
+    daemon, controller, drive = step.commands
     with running(*CANDUMP, "vcan0", output=log):
-        start(DAEMON, f"wrcd run -i socketcan -c vcan0 --config {config}")
-        _, controls = start(CONTROLLER, f"sim-ecu control thresholds --with-adhesion -c vcan0 --config {config}")
+        start(DAEMON, f"{daemon} --config {config}")
+        _, controls = start(CONTROLLER, f"{controller} --config {config}")
         wait_for("frames of the daemon", 60, lambda: f" {ADHESION_A1:03X}#" in log.read_text())
         # it demands nothing before it has heard the driver
         wait_for("the controller", 60, lambda: "DriverDemand" in controls.read_text())
@@ -55,7 +58,7 @@ def test_stop_on_a_real_bus_has_the_figures_of_the_lockstep_run(start: Start, tm
         assert f" {DEMAND_A1:03X}#" not in log.read_text()
         with metronome(RIG) as machine:
             begin_us = now_us()
-            rig, told = start(RIG, f"sim-ecu drive emergency-greasy -c vcan0 --no-truth --json {out}")
+            rig, told = start(RIG, f"{drive} --no-truth --json {out}")
             status = rig.wait(90)
             end_us = now_us()
     print(told.read_text())

@@ -33,7 +33,7 @@ def of_axles(production: Database, rig: Database | None, axles: int) -> list[Mes
 
 
 def table(production: Database, rig: Database, max_axles: int) -> list[str]:
-    """The table of docs/reference/bus-load.md: a line of Markdown each."""
+    """The table of docs/reference/messages.md: a line of Markdown each."""
     head = ["axles", "frames/s", *(f"{rate // 1000} kbit/s" for rate in BIT_RATES), "500 kbit/s with the truth"]
     out = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
     for axles in range(1, max_axles + 1):
@@ -44,5 +44,5 @@ def table(production: Database, rig: Database, max_axles: int) -> list[str]:
 
 
 def _cell(messages: list[Message], rate: int) -> str:
-    low, high = (100 * bits_per_s(messages, stuffed) / rate for stuffed in (False, True))
-    return f"{low:.0f} … {high:.0f} %" if high <= MAX_LOAD_PCT else f"({low:.0f} … {high:.0f} %)"
+    load = 100 * bits_per_s(messages, stuffed=True) / rate
+    return f"{load:.0f}" if load <= MAX_LOAD_PCT else f"({load:.0f})"

@@ -1,26 +1,16 @@
-"""A program on a terminal of its own, for as long as a test or a bench looks at it.
-
-As a program, on_terminal.py TEXT KEYS COMMAND: KEYS are pressed once TEXT stands there. It ends with the command's
-status; with 124 if the text or the end does not come in time.
-"""
+"""A program on a terminal of its own, for as long as a test or a bench looks at it."""
 
 import os
 import pty
-import re
 import select
 import struct
 import subprocess
-import sys
 import termios
 import threading
 import time
 from collections.abc import Mapping, Sequence
 from fcntl import ioctl
 from pathlib import Path
-
-MAX_S = 60.0
-ESCAPES = re.compile(rb"\x1b(?:\[[0-9;?<>=]*[A-Za-z]|\][^\x07]*\x07|[()][A-Z0-9]|[=>])")
-TOO_LATE = 124
 
 
 class OnTerminal:
@@ -67,20 +57,3 @@ class OnTerminal:
         self._ended.set()
         self._thread.join()
         os.close(self.master)
-
-
-def main(text: str, keys: str, command: str) -> int:
-    """Run it. What the terminal shows goes to standard output."""
-    terminal, end, pressed = OnTerminal(["bash", "-c", command], {}, None, 34, 110), time.monotonic() + MAX_S, False
-    while (status := terminal.process.poll()) is None and time.monotonic() < end:
-        if not pressed and text.encode() in ESCAPES.sub(b"", terminal.seen):
-            terminal.press(keys.encode())
-            pressed = True
-        time.sleep(0.05)
-    terminal.close()
-    sys.stdout.buffer.write(ESCAPES.sub(b"", terminal.seen) + b"\n")
-    return TOO_LATE if status is None or not pressed else status
-
-
-if __name__ == "__main__":
-    sys.exit(main(*sys.argv[1:]))

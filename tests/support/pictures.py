@@ -17,8 +17,7 @@ from PIL import Image
 from sim_ecu import resources as rig
 from sim_ecu.cli.main import main as sim_ecu
 from sim_ecu.play import demo
-from tests.browser.chromium import chromium, opened
-from tests.browser.reading import settle
+from tests.support.chromium import chromium, opened
 from wrcd.bus.dbc import load_dbc
 from wrcd.config.config import load_config, load_packaged
 from wrcd.logs.story import gather
@@ -77,9 +76,9 @@ def of_the_report() -> bytes:
     report_page.write(gather(log, load_packaged(1), [load_dbc(rig.TRUTH_DBC)]), None, Path("report.html"))
     with chromium() as browser, opened(browser, Path("report.html"), *WINDOW) as found:
         found.page.locator("button.fall").first.click()
-        settle(found.page)
+        found.settle()
         found.page.evaluate("document.querySelector('#axle1').scrollIntoView()")
-        settle(found.page)
+        found.settle()
         whole = Image.open(io.BytesIO(found.page.screenshot()))
         if found.complaints:
             raise RuntimeError("; ".join(found.complaints))

@@ -1,4 +1,4 @@
-"""What each exit status of each command means: the page is made from it, and tests try each."""
+"""What each exit status of each command means: the page has them, and tests try each."""
 
 from wrcd.errors import Status
 
@@ -66,15 +66,9 @@ WRCD: dict[str, dict[Status, str]] = {
         Status.INTERRUPTED: "Ctrl-C",
     },
     "report": {
-        Status.DONE: "the page is written",
-        Status.STOPPED: "the log is cut or damaged: the page is of what could be read, and says so",
-        Status.BAD_INPUT: f"{_BAD}: no usable log, a file to write that is no report, no extra report",
-        Status.INTERRUPTED: "Ctrl-C",
-    },
-    "plot": {
-        Status.DONE: "the picture is written",
-        Status.STOPPED: "the log is cut or damaged: the picture is of what could be read",
-        Status.BAD_INPUT: f"{_BAD}: no usable log, a time outside of it, a file that is there, no extra report",
+        Status.DONE: "the page is written, or with `--png` the picture",
+        Status.STOPPED: "the log is cut or damaged: what is written is of what could be read, and the page says so",
+        Status.BAD_INPUT: f"{_BAD}: no usable log, a time outside of it, a file that would be lost, no extra report",
         Status.INTERRUPTED: "Ctrl-C",
     },
     "why": {

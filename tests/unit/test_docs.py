@@ -1,4 +1,4 @@
-"""The documentation agrees with the program: quoted output, tables, links, paths, names, numbers; its site is built."""
+"""The documentation agrees with the program: tables, links, paths, names, numbers; it has a size; its site is built."""
 
 import ast
 import json
@@ -7,8 +7,7 @@ import re
 import shlex
 import subprocess
 import sys
-import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,46 +15,53 @@ import can
 import pytest
 
 from sim_ecu import bench
+from sim_ecu import resources as rig_resources
+from sim_ecu.campaign.definition import KINDS
 from sim_ecu.cli import main as rig_cli
+from sim_ecu.loop import drive_scenario
+from sim_ecu.physics.contact import CURVES
+from sim_ecu.physics.stability import hunting_speed_m_s
+from sim_ecu.play import scenario_keys
+from sim_ecu.play.vehicles import load_vehicle, packaged_vehicles
 from sim_ecu.reporting import verdicts
-from sim_ecu.reporting.values import CHANCE, MET, MET_CHANCE, MISSED, TOO_FEW
 from sim_ecu.score import SUITES, WORLDS
 from sim_ecu.score.metrics.bootstrap import NOTHING
-from sim_ecu.score.run_score import ScoreRequest, make_baselines, paper_form_of
 from sim_ecu.score.score_goals import ACCUSED, SCORE_GOALS
 from sim_ecu.score.suites.worlds import EVERY
 from tests.matrix.expected import LONG_ROWS, ROWS
-from tests.matrix.matrix import HEAD, Verdict, line, whole_axle
-from tests.support import pages
-from tests.support.bus_load import MAX_LOAD_PCT, bits, bits_per_s, of_axles
+from tests.matrix.matrix import which, whole_axle
+from tests.support.bus_load import MAX_LOAD_PCT, bits, bits_per_s, of_axles, table
 from tests.support.lone_wheelset import LONE_DESIGN
-from tests.support.page_commands import steps
+from tests.support.pages import ROOT, blocks, pages
+from tests.support.statuses import STATUSES
 from wrcd import contract, resources
 from wrcd.bus.dbc import load_dbc
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
 from wrcd.cli import main as cli
+from wrcd.config import declared
 from wrcd.config.config import STALE_TICKS, load_config
+from wrcd.config.keys import Key
 from wrcd.contract.frames import Says
 from wrcd.core import causes, configuration, core, inputs, plausibility, validity, vocabulary
 from wrcd.core.core import Core
+from wrcd.dbc.lint.codes import CODES
 from wrcd.estimator import answer
-from wrcd.estimator.design import load_design
 from wrcd.estimator.signals import gate
 from wrcd.service import journal
 
-ROOT = pages.ROOT
 DOCS = ROOT / "docs"
-PAGES = [p for p in pages.pages() if p.name != "CHANGELOG.md"]
-IN_WORLDS = "--suite worlds --beside was=lone-wheelset"
-CHEAP = [b for b in pages.blocks() if not b.expensive]
-NAMED = {p.relative_to(ROOT).as_posix(): p for p in pages.pages()}
+NAMED = {p.relative_to(ROOT).as_posix(): p for p in pages()}
+MAX_PAGES, MAX_WORDS = 36, 35_000  # of README and docs, as `wc -w` counts them
 # Paths that stand for something that a reader makes, or that the repository has only where it was built.
 MADE = ("build/", ".venv/")
 BENCH_RECORDS = (bench.Truth, bench.Sensors, bench.Adhesion, bench.Step, bench.Figures)
 SOURCE = re.compile(
     r"(?:wrcd|sim_ecu|tests|docs|dbc|systemd|examples)/[\w@.*/-]+|[A-Z]{4,}\.md|Makefile|pyproject\.toml"
 )
+CONFIGURATION, SCENARIO = "docs/reference/configuration.md", "docs/reference/scenario.md"
+MESSAGES, SCORE = "docs/reference/messages.md", "docs/reference/score.md"
+STATUS_PAGE = "docs/reference/exit-codes.md"
 
 
 def text(page: str) -> str:
@@ -69,31 +75,22 @@ def rows(page: str, heading: str | None = None) -> list[list[str]]:
     for at, row in enumerate(lines):
         is_head = at + 1 < len(lines) and re.fullmatch(r"\|[-| ]+\|", lines[at + 1])
         if row.startswith("|") and not is_head and not re.fullmatch(r"\|[-| ]+\|", row):
-            found.append([cell.strip() for cell in row.strip("|").split("|")])
+            found.append([cell.strip() for cell in re.split(r"(?<!\\)\|", row[1:-1])])
         elif heading and found and row.startswith("#"):
             break
     return found
 
 
-# --- quoted output
+# --- size, paths, commands
 
 
-@pytest.mark.parametrize("block", CHEAP, ids=lambda b: b.name)
-def test_quoted_block_is_what_the_program_gives(block: pages.Block) -> None:
-    assert block.text == pages.make(block), "make docs"
+def test_readme_and_docs_have_at_most_so_many_pages_and_words() -> None:
+    counted = [n for n in NAMED if n == "README.md" or n.startswith("docs/")]
+    words = sum(len(text(n).split()) for n in counted)
+    assert (len(counted) <= MAX_PAGES, words <= MAX_WORDS) == (True, True), f"{len(counted)} pages, {words} words"
 
 
-def test_every_marker_has_an_end_and_each_expensive_block_is_there_once() -> None:
-    for page in PAGES:
-        body = page.read_text(encoding="utf-8")
-        assert len(re.findall(r"^<!-- (?:command|made): ", body, re.MULTILINE)) == len(pages.BLOCK.findall(body)), page
-    assert sorted(b.what for b in pages.blocks() if b.expensive) == sorted([*pages.SECTIONS, "fault-matrix"])
-
-
-# --- paths, commands
-
-
-@pytest.mark.parametrize("page", [n for n in NAMED if n != "CHANGELOG.md"])
+@pytest.mark.parametrize("page", NAMED)
 def test_path_in_backticks_exists(page: str) -> None:
     for quoted in re.findall(r"`([^`\n]+)`", text(page)):
         for word in quoted.split():
@@ -103,9 +100,9 @@ def test_path_in_backticks_exists(page: str) -> None:
 
 def commands() -> Iterator[tuple[str, str]]:
     """Every line of every page that calls one of the programs."""
-    for page in PAGES:
-        for step in steps(page):
-            for said in re.findall(r"^(?:\.venv/bin/)?((?:wrcd|sim-ecu) [a-z].*)$", step.body, re.MULTILINE):
+    for page in NAMED.values():
+        for block in blocks(page):
+            for said in re.findall(r"^(?:\.venv/bin/)?((?:wrcd|sim-ecu) [a-z].*)$", block.body, re.MULTILINE):
                 yield page.name, re.sub(r"\s+(?:#|\||2?>|&).*", "", said)
 
 
@@ -118,7 +115,7 @@ def test_command_in_a_page_is_one_that_the_program_takes(page: str, said: str) -
 
 def test_make_target_in_a_page_is_there() -> None:
     targets = set(re.findall(r"^([\w-]+):", text("Makefile"), re.MULTILINE))
-    for page in PAGES:
+    for page in NAMED.values():
         body = page.read_text(encoding="utf-8")
         named = re.findall(r"`make ([a-z-]+)`", body) + re.findall(r"^ *make (?!-C )([a-z-]+)", body, re.MULTILINE)
         assert set(named) <= targets, page
@@ -132,21 +129,19 @@ def test_pre_commit_runs_what_make_lint_runs_and_fetches_nothing() -> None:
     assert set(re.findall(r"language: (.+)", hooks)) == {"system"}
 
 
-# --- README
-
-
-def test_readme_has_at_most_150_lines() -> None:
-    assert len(text("README.md").splitlines()) <= 150
-
-
 @pytest.mark.parametrize("picture", [p.name for s in ("png", "svg") for p in sorted(DOCS.glob(f"*.{s}"))])
 def test_picture_of_the_pages_is_made_by_make(picture: str) -> None:
     makers = [p.stem for p in (ROOT / "tests/support").glob("*picture*.py") if f'"{picture}"' in p.read_text()]
     assert [m for m in makers if f"-m tests.support.{m}\n" in text("Makefile")] == makers != []
 
 
-def test_readme_says_simulation_only_in_its_first_lines() -> None:
-    assert "Simulation only, never on a train" in "\n".join(text("README.md").splitlines()[:12])
+# --- README
+
+
+def test_readme_has_at_most_150_lines_and_says_simulation_only_in_its_first() -> None:
+    lines = text("README.md").splitlines()
+    assert len(lines) <= 150
+    assert "Simulation only, never on a train" in "\n".join(lines[:12])
 
 
 def test_messages_in_readme_are_those_of_the_dbc() -> None:
@@ -160,112 +155,131 @@ def test_messages_in_readme_are_those_of_the_dbc() -> None:
         for name, (number, axle) in zip(row[0].split(", "), ids, strict=True):
             message = found[name.replace("*a*", "1")]
             assert message.frame_id == int(number, 16) + bool(axle), name
-            cycle_ms = message.cycle_time or 0
-            assert cells in ([f"{cycle_ms} ms"], [f"{cycle_ms / 1000:g} s"]), name
+            assert cells == [duration(message.cycle_time or 0)], name
 
 
-# --- reference
+def duration(ms: int) -> str:
+    """As the pages write a cycle or a time-out."""
+    return f"{ms} ms" if ms % 1000 else f"{ms // 1000} s"
+
+
+# --- reference: tables of what the code declares
+
+
+def defaults(keys: Iterable[Key]) -> dict[str, str]:
+    return {key.name: key.shown_default for key in keys}
+
+
+def test_configuration_page_has_every_key_with_its_default() -> None:
+    def shown(heading: str) -> dict[str, str]:
+        return {r[0].strip("`"): r[2] for r in rows(CONFIGURATION, heading)}
+
+    tables = {f"{t}.{name}": default for t, keys in declared.TABLES.items() for name, default in defaults(keys).items()}
+    assert shown("## Tables") == tables
+    assert shown("## A signal that is read") == defaults((*declared.TORQUE_INPUT, declared.REVERSE))
+    own = declared.output_keys("adhesion")[: -len(vocabulary.MESSAGES["adhesion"])]
+    fields = defaults(declared.field_keys(vocabulary.MESSAGES["adhesion"]["MuAvailable"]))
+    assert shown("## A message that is sent") == defaults(own) | {f"….{name}": d for name, d in fields.items()}
+
+
+@pytest.mark.parametrize("name", scenario_keys.TABLES)
+def test_scenario_page_has_every_key_with_its_default(name: str) -> None:
+    known = scenario_keys.TABLES[""] if name == "axle.N" else ()
+    heading = next((f"## {h}" for h in (f"[{name}]", f"[[{name}]]") if f"\n## {h}\n" in text(SCENARIO)), "## Top level")
+    keys_are_shown(heading, defaults(key for key in scenario_keys.TABLES[name] if key not in known))
+
+
+@pytest.mark.parametrize("name", [n for n in drive_scenario.TABLES if n != "axle.N"])
+def test_scenario_page_has_every_key_of_a_scenario_to_drive(name: str) -> None:
+    known = scenario_keys.TABLES.get(name, ())
+    heading = f"### [{name}]" if name else "## A scenario to drive"
+    keys_are_shown(heading, defaults(key for key in drive_scenario.TABLES[name] if key not in known))
+
+
+def keys_are_shown(heading: str, keys: dict[str, str]) -> None:
+    shown = {r[0].strip("`"): r[1] for r in rows(SCENARIO, heading)}
+    assert set(shown) == set(keys)
+    assert [k for k, default in keys.items() if default != "–" and f"{shown[k]} ".find(f"{default} ")] == []
+
+
+def test_messages_page_has_every_message_and_signal_of_both_dbcs() -> None:
+    body = text(MESSAGES)
+    head = {name: r for r in rows(MESSAGES) if len(r) == 6 for name in r[0].split(", ")}
+    for message in (*load_dbc(resources.DBC).messages, *load_dbc(rig_resources.TRUTH_DBC).messages):
+        number = re.search(r"_A(\d)$", message.name)
+        row = head[re.sub(r"_A\d$", "_A*a*", message.name)]
+        if number is None or number[1] in ("1", "8"):  # the ends of its row of ids
+            assert f"0x{message.frame_id:03X}" in row[1], message.name
+        ms = message.cycle_time or 0
+        assert (row[2], row[3], row[4], row[5]) == (
+            *message.senders, str(message.length), duration(ms), duration(3 * ms)
+        ), message.name  # fmt: skip
+        for signal in message.signals:
+            assert re.search(rf"\b{signal.name}\b", re.sub(r"Residual1 … Residual4", "Residual1 Residual2 Residual3 "
+                             "Residual4", body)) or signal.name in ("Crc", "Counter"), signal.name  # fmt: skip
+
+
+def test_readme_names_the_most_axles_of_each_bit_rate() -> None:
+    words = {"three": 3, "six": 6, "eight": 8}
+    (named,) = re.findall(
+        r"At 250 kbit/s a bus carries (\w+) axles, at 500 kbit/s (\w+), at 1 Mbit/s (\w+)\.", text("README.md")
+    )
+    dbc = load_dbc(resources.DBC)
+    for rate, axles in zip((250_000, 500_000, 1_000_000), named, strict=True):
+        load = [100 * bits_per_s(of_axles(dbc, None, a), True) / rate for a in range(1, configuration.MAX_AXLES + 1)]
+        assert words[axles] == sum(x <= MAX_LOAD_PCT for x in load)
+
+
+def test_bus_load_is_that_of_the_dbcs() -> None:
+    made = table(load_dbc(resources.DBC), load_dbc(rig_resources.TRUTH_DBC), configuration.MAX_AXLES)
+    assert "\n".join(made) in text(MESSAGES)
+
+
+@pytest.mark.parametrize(("payload", "shortest", "longest"), [(0, 47, 55), (4, 79, 95), (5, 87, 105), (8, 111, 135)])
+def test_frame_has_47_bits_besides_its_bytes_and_stuff_bits(payload: int, shortest: int, longest: int) -> None:
+    assert (bits(payload, stuffed=False), bits(payload, stuffed=True)) == (shortest, longest)
+
+
+def test_exit_statuses_of_every_command_are_those_of_the_code() -> None:
+    found = [r for r in rows(STATUS_PAGE) if len(r) == 2 and re.fullmatch(r"\d[\d ]*", r[0])]
+    shown = {command: statuses for statuses, named in found for command in re.findall(r"`([^`]+)`", named)}
+    assert shown == {
+        f"{program} {command}": " ".join(str(int(s)) for s in sorted(statuses))
+        for program, commands in STATUSES.items()
+        for command, statuses in commands.items()
+    }
+
+
+def test_dbc_page_has_every_code_of_lint() -> None:
+    assert {c for r in rows("docs/reference/dbc.md", "## Lint") for c in re.findall(r"`([\w-]+)`", r[0])} == set(CODES)
+
+
+def test_campaign_page_has_every_factor_and_kind() -> None:
+    body = text("docs/reference/campaign.md")
+    assert [k.name for k in KINDS if not re.search(rf"^### .*\b{k.name}\b", body, re.MULTILINE)] == []
+    assert [f.name for k in KINDS for f in k.factors if f"`{f.name}`" not in body] == []
+
+
+def test_vehicle_page_has_every_vehicle_and_where_it_hunts() -> None:
+    shown = {r[0].strip("`"): r[4:] for r in rows("docs/explanation/vehicle.md", "## The packaged vehicles")}
+    for name in packaged_vehicles():
+        vehicle = load_vehicle(name)
+        hunts = (hunting_speed_m_s(vehicle, CURVES[letter], scan_m_s=5.0) for letter in "ABCD")
+        assert shown.pop(name) == ["–" if math.isinf(v) else f"{v:.1f}" for v in hunts]
+    assert shown == {}
 
 
 def test_validity_table_is_that_of_the_code() -> None:
-    found = [r for r in rows("docs/reference/validity.md", "## Causes") if len(r) == 6]
-    assert [(r[0], r[1], r[2]) for r in found] == [(str(int(c)), c.label, c.words) for c in causes.Cause]
+    found = [r for r in rows("docs/reference/validity.md", "## Causes") if len(r) == 4]
+    assert [(r[0], r[1]) for r in found] == [(str(int(c)), c.label) for c in causes.Cause]
     given = set(causes.Cause) - causes.RESERVED - {causes.Cause.NONE}
     assert f"{len(given)} causes why it is not" in text("README.md")
-    states = {v.value for v in causes.Validity}
-    assert {r[4] for r in found} == states
     # what keeps a window from being full is before the first input that is not sound
-    assert [r[4] for r in found] == [
-        "Valid" if not c else "NotAvailable" if c < causes.Cause.INPUT_STALE else "Degraded" for c in causes.Cause
-    ]
-
-
-CONTROLLER = "docs/reference/what-a-controller-does.md"
-
-
-def test_controller_page_has_every_cause() -> None:
-    found = [r for r in rows(CONTROLLER, "## Causes") if len(r) == 4]
-    assert [(r[0], r[1]) for r in found[:-1]] == [(str(int(c)), c.label) for c in causes.Cause]
-    detail = next(m for m in load_dbc(resources.DBC).messages if m.name == "AdhesionDetail_A1")
-    bits = next(s for s in detail.signals if s.name == "Cause").length
-    assert found[-1][0] == f"{len(causes.Cause)} … {2**bits - 1}"
-
-
-@pytest.mark.parametrize(
-    ("heading", "signal", "classes"),
-    [
-        ("## Validity", "Validity", ()),
-        ("## Confidence", "Confidence", vocabulary.CONFIDENCES),
-        ("## Surface", "Surface", vocabulary.SURFACES),
-        ("## ContactState", "ContactState", ()),
-    ],
-)
-def test_controller_page_has_every_value(heading: str, signal: str, classes: tuple[tuple[float, str], ...]) -> None:
-    said = vocabulary.MESSAGES["adhesion"][signal]
-    assert isinstance(said, vocabulary.Words)
-    found = {r[0]: r[1] for r in rows(CONTROLLER, heading)}
-    assert set(found) - {"any other value"} == set(said.words)
-    for bound, word in classes:
-        if math.isfinite(bound):
-            assert f"{bound:g}" in found[word]
-
-
-@pytest.mark.parametrize(
-    ("page", "of"),
-    [
-        *(("docs/how-to/script-the-rig.md", of) for of in BENCH_RECORDS),
-        *(("docs/how-to/test-a-consumer.md", of) for of in (contract.Frame, contract.Use, contract.BusSettings, Says)),
-    ],
-    ids=lambda x: x.__name__ if isinstance(x, type) else "",
-)  # fmt: skip
-def test_page_has_every_field_of_a_record_with_its_unit_and_meaning(page: str, of: Any) -> None:
-    table = text(page).partition(f"\n`{of.__name__}`")[2].partition("\n\n")[2].partition("\n\n")[0].splitlines()[2:]
-    cells = [[cell.strip() for cell in row.strip("|").split("|")] for row in table]
-    assert [name for name, _, _ in cells] == [f"`{name}`" for name in of.__dataclass_fields__]
-    assert all(unit and meaning for _, unit, meaning in cells)
-
-
-def test_page_has_every_property_of_a_bench() -> None:
-    listed = {name for name, value in vars(bench.Bench).items() if isinstance(value, property)}
-    after = text("docs/how-to/script-the-rig.md").partition("\nOf the `Bench` itself:\n")[2]
-    assert set(re.findall(r"^\| `(\w+)` \|", after, re.MULTILINE)) == listed
-
-
-def test_frames_of_the_e2e_page_are_accepted(monkeypatch: pytest.MonkeyPatch) -> None:
-    script = re.search(r"<!-- file: send_p11.py -->\n```python\n(.*?)```", text("docs/explanation/e2e.md"), re.DOTALL)
-    assert script is not None
-    monkeypatch.chdir(ROOT)
-    monkeypatch.setattr(sys, "argv", ["send_p11.py", "virtual", "e2e-page"])
-    monkeypatch.setattr(time, "sleep", lambda s: None)
-    daemon = Core(load_config(None))
-    with can.Bus(interface="virtual", channel="e2e-page") as heard:
-        exec(script[1], {})  # the page's own words
-        for k in range(50):
-            m = heard.recv(0.0)
-            assert m is not None
-            daemon.feed(Frame(k * 20_000, m.arbitration_id, bytes(m.data)))
-    assert (daemon.counts.accepted, daemon.counts.rejected.total()) == (50, 0)
-
-
-def test_times_of_the_controller_page_are_those_of_the_dbc() -> None:
-    named = {m.name.partition("_")[0]: m for m in load_dbc(resources.DBC).messages}
-    for names, every, timeout, _ in rows(CONTROLLER, "## Time-out"):
-        for name in names.split(", "):
-            ms = named[name].cycle_time or 0
-            assert (every, timeout) in {(f"{ms} ms", f"{3 * ms} ms"), (f"{ms // 1000} s", f"{3 * ms // 1000} s")}
-
-
-def test_delays_of_the_controller_page_are_those_of_the_score() -> None:
-    score = {name: value for name, value, *_ in pages.goals_of(score_block("--design lone-wheelset"))}
-    body = text(CONTROLLER)
-    figure = float(score["drops: Valid with the truth below the interval, 95th percentile, s"].split()[0])
-    assert f"{figure:g} s at the 95th percentile" in body
-    assert float(score["drops: settled, 95th percentile, s"].split()[0]) <= 2.0
-    assert "over at least two seconds" in body
+    assert f"1 to {causes.Cause.INPUT_STALE - 1} are NotAvailable" in text("docs/reference/validity.md")
 
 
 def test_numbers_of_the_validity_table_are_those_of_the_code() -> None:
-    condition = {r[1]: r[3] + "; " + r[5] for r in rows("docs/reference/validity.md", "## Causes") if len(r) == 6}
+    condition = {r[1]: r[2] + "; " + r[3] for r in rows("docs/reference/validity.md", "## Causes") if len(r) == 4}
     tick_ms = 5
     assert f"three ticks, {STALE_TICKS * tick_ms} ms" in condition["InputStale"]
     assert f"{validity.BRIDGED_TICKS * tick_ms} ms past it" in condition["InputStale"]
@@ -287,8 +301,77 @@ def test_reasons_of_a_rejection_are_those_of_the_code() -> None:
     assert [r[0] for r in rows("docs/reference/validity.md", "## Why a frame is rejected")] == list(Reason)
 
 
+CONTROLLER = "docs/reference/what-a-controller-does.md"
+
+
+def test_controller_page_has_every_cause() -> None:
+    found = [name for row in rows(CONTROLLER, "## Causes") for name in row[0].split(", ")]
+    assert sorted(found) == sorted(c.label for c in causes.Cause if c)
+    detail = next(m for m in load_dbc(resources.DBC).messages if m.name == "AdhesionDetail_A1")
+    length = next(s for s in detail.signals if s.name == "Cause").length
+    assert f"- {len(causes.Cause)} … {2**length - 1} are" in text(CONTROLLER)
+
+
+@pytest.mark.parametrize(
+    ("heading", "signal", "classes"),
+    [
+        ("## Validity", "Validity", ()),
+        ("## Confidence", "Confidence", vocabulary.CONFIDENCES),
+        ("## Surface", "Surface", vocabulary.SURFACES),
+        ("## ContactState", "ContactState", ()),
+    ],
+)
+def test_controller_page_has_every_value(heading: str, signal: str, classes: tuple[tuple[float, str], ...]) -> None:
+    said = vocabulary.MESSAGES["adhesion"][signal]
+    assert isinstance(said, vocabulary.Words)
+    found = {word: r[1] for r in rows(CONTROLLER, heading) for word in r[0].split(", ")}
+    assert set(found) - {"any other value"} == set(said.words)
+    assert all(f"{bound:g}" in found[word] for bound, word in classes if math.isfinite(bound))
+
+
+def test_times_of_the_controller_page_are_those_of_the_dbc() -> None:
+    named = {m.name.partition("_")[0]: m for m in load_dbc(resources.DBC).messages}
+    for names, every, timeout, _ in rows(CONTROLLER, "## Time-out"):
+        for name in names.split(", "):
+            ms = named[name].cycle_time or 0
+            assert (every, timeout) == (duration(ms), duration(3 * ms))
+
+
+@pytest.mark.parametrize(
+    ("page", "of"),
+    [
+        *(("docs/how-to/script-the-rig.md", of) for of in BENCH_RECORDS),
+        *(("docs/how-to/test-a-consumer.md", of) for of in (contract.Frame, contract.Use, contract.BusSettings, Says)),
+    ],
+    ids=lambda x: x.__name__ if isinstance(x, type) else "",
+)  # fmt: skip
+def test_page_has_every_field_of_a_record(page: str, of: Any) -> None:
+    (row,) = (r for r in rows(page, "## Fields") if r[0].startswith(f"`{of.__name__}`"))
+    assert set(of.__dataclass_fields__) <= set(re.findall(r"`(\w+)`", row[1]))
+
+
+def test_page_has_every_property_of_a_bench() -> None:
+    (row,) = (r for r in rows("docs/how-to/script-the-rig.md", "## Fields") if r[0] == "`Bench`")
+    listed = {name for name, value in vars(bench.Bench).items() if isinstance(value, property)}
+    assert listed <= set(re.findall(r"`(\w+)`", row[1]))
+
+
+def test_frames_of_the_e2e_section_are_accepted(monkeypatch: pytest.MonkeyPatch) -> None:
+    script = re.search(r"```python\n(.*?)```", text(MESSAGES), re.DOTALL)
+    assert script is not None
+    monkeypatch.chdir(ROOT)
+    daemon = Core(load_config(None))
+    with can.Bus(interface="virtual", channel="bench") as heard:
+        exec(script[1], {})  # the page's own words
+        for k in range(50):
+            m = heard.recv(0.0)
+            assert m is not None
+            daemon.feed(Frame(k * 20_000, m.arbitration_id, bytes(m.data)))
+    assert (daemon.counts.accepted, daemon.counts.rejected.total()) == (50, 0)
+
+
 def test_log_lines_have_every_state_and_counter() -> None:
-    said = re.sub(r"\b\d+\b", "N", text("docs/reference/log-lines.md"))
+    said = re.sub(r"\b\d+\b", "N", text(STATUS_PAGE))
     counters = [
         ast.literal_eval(node.args[1])
         for node in ast.walk(ast.parse(Path(journal.__file__).read_text()))
@@ -299,18 +382,9 @@ def test_log_lines_have_every_state_and_counter() -> None:
         assert re.sub(r"\b\d+\b", "N", template.format(n="N")) in said
 
 
-@pytest.mark.parametrize(
-    "file",
-    [
-        "service/journal",
-        "service/loop",
-        "service/waiting",
-        "recorder/recorder",
-        "cli/run",
-    ],
-)
+@pytest.mark.parametrize("file", ["service/journal", "service/loop", "service/waiting", "recorder/recorder", "cli/run"])
 def test_log_lines_have_every_line_that_is_written(file: str) -> None:
-    said = text("docs/reference/log-lines.md")
+    said = text(STATUS_PAGE)
     for node in ast.walk(ast.parse(text(f"wrcd/{file}.py"))):
         if not (isinstance(node, ast.Call) and re.fullmatch(r"(self\._)?(log_line|write)", ast.unparse(node.func))):
             continue
@@ -321,7 +395,8 @@ def test_log_lines_have_every_line_that_is_written(file: str) -> None:
 
 
 def test_design_file_table_has_every_key() -> None:
-    found = {k for r in rows("docs/reference/design-file.md") for k in re.findall(r"`(\w+)`", r[0])}
+    shown = rows("docs/explanation/estimator.md", "## The design file")
+    found = {k for r in shown for k in re.findall(r"`(\w+)`", r[0])}
     assert found == {*json.loads(resources.DESIGN.read_text()), "worlds"}
 
 
@@ -340,75 +415,49 @@ def test_architecture_points_at_functions_that_are_there() -> None:
         assert set(re.findall(r"`([^`]+)`", names)) <= there, question
 
 
-@pytest.mark.parametrize(("payload", "shortest", "longest"), [(0, 47, 55), (4, 79, 95), (5, 87, 105), (8, 111, 135)])
-def test_frame_has_47_bits_besides_its_bytes_and_stuff_bits(payload: int, shortest: int, longest: int) -> None:
-    assert (bits(payload, stuffed=False), bits(payload, stuffed=True)) == (shortest, longest)
-
-
-def test_page_names_the_most_axles_of_each_bit_rate() -> None:
-    production = load_dbc(resources.DBC)
-    named = re.findall(r"^\| (\d+) ([kM])bit/s \| (\d) \|$", text("docs/reference/bus-load.md"), re.MULTILINE)
-    assert len(named) == 3
-    for number, unit, axles in named:
-        rate = int(number) * {"k": 1_000, "M": 1_000_000}[unit]
-        load = [
-            100 * bits_per_s(of_axles(production, None, a), True) / rate for a in range(1, configuration.MAX_AXLES + 1)
-        ]
-        assert int(axles) == sum(x <= MAX_LOAD_PCT for x in load)
-
-
 # --- what takes too long to print again here: its structure
 
 
-def test_fault_matrix_has_the_rows_of_the_code() -> None:
-    (block,) = (b for b in pages.blocks() if b.what == "fault-matrix")
-    lines = block.text.strip().splitlines()
-    assert lines[:2] == HEAD.splitlines()
-    shown = [row for row in (*ROWS, *LONG_ROWS) if not whole_axle(row)]
-    judged = [line(row, Verdict(None, None, None, None, "")) for row in shown]
-    assert [x.split("|")[1:5] for x in lines[2:]] == [x.split("|")[1:5] for x in judged]
-    assert {x.split("|")[-2].strip() for x in lines[2:]} == {"yes"}
+def test_fault_matrix_has_the_faults_of_the_code() -> None:
+    shown = [(f, r[1]) for r in rows("docs/reference/fault-matrix.md") if len(r) > 3 for f in r[0].split(", ")]
+    played = [which(row)[:2] for row in (*ROWS, *LONG_ROWS) if not whole_axle(row)]
+    assert sorted(shown) == sorted(played)
 
 
-def score_block(arguments: str) -> str:
-    """What a page keeps of a score, which is of the design's file as it is, in the sections that are kept."""
-    (block,) = (b for b in pages.blocks() if b.what == f"sim-ecu score {arguments}")
-    design = json.loads((LONE_DESIGN if "--design" in arguments else resources.DESIGN).read_text())
-    assert f"design {design['name']} {design['checksum'][:12]}," in block.text
-    assert tuple(re.findall(r"^\*\*([\w-]+)\*\*: ", block.text, re.MULTILINE)) == pages.SECTIONS[block.what]
-    return block.text
-
-
-def test_score_of_a_train_has_every_world_and_goal() -> None:
-    shown = score_block(IN_WORLDS)
-    names = [line.split(" | ")[0].removeprefix("| ") for line in shown.splitlines() if " | wrcd | " in line]
-    assert names == [w.name for w in EVERY]
-    of_worlds = [goal for (suite, *_), goal in SCORE_GOALS.items() if suite == WORLDS]
-    expected = [(g.what, verdicts.bound(g.record())) for g in (goal(figure=NOTHING) for goal in (*of_worlds, ACCUSED))]
-    assert [(name, bound) for name, _, bound, _ in pages.goals_of(shown)] == expected
-
-
-def test_score_has_the_suites_causes_and_baselines_of_the_code() -> None:
-    shown = score_block("--design lone-wheelset")
-    named = (name for row in rows("docs/reference/score.md") for name in row[0].split(", "))
+def test_score_has_the_designs_worlds_suites_and_goals_of_the_code() -> None:
+    body = text(SCORE)
+    for file in (resources.DESIGN, LONE_DESIGN):
+        design = json.loads(file.read_text())
+        assert f"design {design['name']} {design['checksum'][:12]}" in body
+    worlds = [w.name for w in EVERY if not w.name.startswith("vibration of")]
+    assert [r[0] for r in rows(SCORE, "## A train") if len(r) == 6 and r[1]] == worlds
+    named = (name for row in rows(SCORE) for name in row[0].split(", "))
     assert tuple(name for name in named if name in SUITES) == SUITES
-    assert set(re.findall(r"([A-Z]\w+) \d+\.\d %", shown)) <= {c.label for c in causes.Cause}
-    levels = [name for _, name in vocabulary.CONFIDENCES]
-    assert re.findall(r"^\| (Wi\w+) \| [\d.]+ % \|", shown, re.MULTILINE) == levels
-    papers = paper_form_of(LONE_DESIGN)
-    assert papers is not None
-    asked = ScoreRequest(LONE_DESIGN, (("the paper's own form", papers),))
-    names = list(make_baselines(load_design(LONE_DESIGN), asked))
-    grid = shown.partition("**grid**")[2].partition("**goals**")[0]
-    assert [n for n in re.findall(r"^\| ([^|]+) \|.* better \|", grid, re.MULTILINE) if n in names] == names
+    goals = [goal for (suite, *_), goal in SCORE_GOALS.items() if suite != WORLDS]
+    made = [goal(figure=NOTHING) for goal in (*goals, ACCUSED)]
+    expected = [(g.what, verdicts.bound(g.record())) for g in made]
+    assert [(r[0], r[2]) for r in rows(SCORE, "Goals of all suites; *chance* is met, within chance:")] == expected
 
 
-def test_score_has_every_goal_with_its_bound_and_verdict() -> None:
-    found = pages.goals_of(score_block("--design lone-wheelset"))
-    of_the_whole = [goal for (suite, *_), goal in SCORE_GOALS.items() if suite != WORLDS]
-    goals = [goal(figure=NOTHING) for goal in (*of_the_whole, ACCUSED)]
-    assert [(name, shown) for name, _, shown, _ in found] == [(g.what, verdicts.bound(g.record())) for g in goals]
-    assert {verdict for *_, verdict in found} <= {MET, MET_CHANCE, CHANCE, MISSED, TOO_FEW}
+def test_figures_of_the_score_stand_elsewhere_as_they_are_there() -> None:
+    world = {r[0]: r for r in rows(SCORE, "## A train")}
+    readme = {r[0]: r[1] for r in rows("README.md", "## Accuracy")}
+    for figure, name, column in (
+        ("mean error", "its own vehicle", 1),
+        ("its own interval holds the truth", "its own vehicle", 3),
+        ("Valid and wrong", "its own vehicle", 5),
+        ("Valid and wrong, sensors shaken", "sampled inside, shaken", 5),
+        ("its own interval holds the truth, in another vehicle's bogie", "vehicle: another one's bogie", 3),
+    ):
+        said, scored = (re.findall(r"\d+(?:\.\d+)?", cell) for cell in (readme[figure], world[name][column]))
+        rounded = [f"{float(b):.{len(a.partition('.')[2])}f}" for a, b in zip(said, scored, strict=True)]
+        assert said == rounded, figure
+    lone = {r[0]: r[1].split()[0] for r in rows(SCORE, "Goals of all suites; *chance* is met, within chance:")}
+    contract = text("docs/reference/what-a-controller-does.md")
+    lie_s = float(lone["drops: Valid with the truth below the interval, 95th percentile, s"])
+    assert f"{lie_s:g} s at the 95th percentile" in contract
+    assert float(lone["drops: settled, 95th percentile, s"]) <= 2.0
+    assert "over at least two seconds" in contract
 
 
 # --- the site, as `make docs` builds it
@@ -427,7 +476,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_every_page_is_in_the_site_and_fetches_nothing_and_the_first_is_the_readme(built: Path) -> None:
-    for page in pages.pages():
+    for page in pages():
         shown = (built / page.relative_to(ROOT)).with_suffix(".html").read_text()
         assert re.findall(r"<(?:img|script|link|iframe|source)\b[^>]*(?:href|src)=\"(?:https?:)?//", shown) == [], page
     assert (built / "index.html").read_text() == (built / "README.html").read_text()

@@ -1,9 +1,10 @@
-"""The house's rules, read from the source: rooms and their lines, what none may import, which arrows there are, no
-circle, and one name for one thing. `pytest -s` prints rooms, lines and arrows."""
+"""The house's rules, read from the source: rooms and their budgets of lines, what none may import, which arrows there
+are, no circle, and one name for one thing; arrows and circles of #include, too. `pytest -s` prints rooms and arrows."""
 
 import ast
+import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 
@@ -63,7 +64,41 @@ FLOORS = (
     {"wrcd/bus", "wrcd/estimator"},
     {"wrcd", "sim_ecu"},  # errors, resources, checksum, progress
 )
+# Lines of a room at most, of every language: what it had when this was written, and 3 %. wrcd/core and sim_ecu/design
+# have more, for what is planned. To raise one, name in CHANGELOG.md the user who asked for what needs it.
+BUDGETS = {
+    "examples": 416,
+    "sim_ecu": 8,
+    "sim_ecu/campaign": 1221,
+    "sim_ecu/cli": 698,
+    "sim_ecu/design": 5445,
+    "sim_ecu/jobs": 367,
+    "sim_ecu/loop": 3214,
+    "sim_ecu/physics": 2442,
+    "sim_ecu/play": 3615,
+    "sim_ecu/reporting": 264,
+    "sim_ecu/score": 3378,
+    "systemd": 593,
+    "wrcd": 253,
+    "wrcd/bus": 3087,
+    "wrcd/cli": 1128,
+    "wrcd/config": 2646,
+    "wrcd/contract": 1312,
+    "wrcd/core": 4079,
+    "wrcd/dbc": 3254,
+    "wrcd/estimator": 4897,
+    "wrcd/kit": 3138,
+    "wrcd/logs": 4745,
+    "wrcd/monitor": 2554,
+    "wrcd/recorder": 557,
+    "wrcd/report": 2641,
+    "wrcd/service": 537,
+}
+NO_LINES = {".json", ".dbc", ".so", ".pyc"}  # data, and what is built
+BUILT = re.compile(r"/__pycache__/|\.egg-info/")
 SAME = {"sim_ecu.resources"}
+PRODUCT = ("wrcd", "sim_ecu", "systemd", "examples")
+WITHOUT_FLOOR = {"systemd", "examples"}
 WITH_FILES = {"wrcd.estimator.design"}  # reads the design, before the first tick
 
 
@@ -99,6 +134,21 @@ def sources(place: str) -> list[Path]:
     return [found] if found.is_file() else sorted(found.rglob("*.py"))
 
 
+def files_of_every_language() -> list[Path]:
+    """What the product is made of, data and what is built left out."""
+    return sorted(
+        path
+        for top in PRODUCT
+        for path in (ROOT / top).rglob("*")
+        if path.is_file() and path.suffix not in NO_LINES and not BUILT.search(path.as_posix())
+    )
+
+
+def included(source: Path) -> Iterator[str]:
+    """Headers that a file of C, or a template of one, takes by their names."""
+    return (m[1] for m in re.finditer(r'^#include "(.+)"$', source.read_text(), re.MULTILINE))
+
+
 def module(source: Path) -> str:
     return ".".join(source.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
 
@@ -113,11 +163,34 @@ def graph() -> dict[str, set[str]]:
     }
 
 
-def room(name: str) -> str:
-    if name == "sim_ecu.bench":
+@cache
+def graph_of_c() -> dict[str, set[str]]:
+    """Our files of C, each by its path, and which of our headers each includes."""
+    files = [p for p in files_of_every_language() if p.suffix in (".c", ".h") or p.name.endswith((".c.in", ".h.in"))]
+    headers = {p.name: p for p in files if p.suffix == ".h"}
+    assert len(headers) == sum(p.suffix == ".h" for p in files), "two headers have one name"
+    return {
+        p.relative_to(ROOT).as_posix(): {
+            headers[name].relative_to(ROOT).as_posix() for name in included(p) if name in headers
+        }
+        for p in files
+    }
+
+
+def room(path: str) -> str:
+    """The folder below wrcd or sim_ecu that a file or module lies in, by its path; the program where it is in none."""
+    if path.removesuffix(".py") == "sim_ecu/bench":
         return "sim_ecu/loop"  # its public side
-    parts = name.split(".")
-    return "/".join(parts[:2]) if (ROOT / Path(*parts[:2])).is_dir() and len(parts) > 1 else parts[0]
+    top, *rest = path.split("/")
+    inner = "/".join((top, *rest[:1]))
+    return inner if rest and top in ("wrcd", "sim_ecu") and (ROOT / inner).is_dir() and rest[0] != "data" else top
+
+
+def all_arrows() -> Iterator[tuple[str, str]]:
+    """Of modules and of C's files, by their paths."""
+    for name, others in graph().items():
+        yield from ((name.replace(".", "/"), other.replace(".", "/")) for other in others)
+    yield from ((path, other) for path, others in graph_of_c().items() for other in others)
 
 
 @pytest.mark.parametrize("place", FORBIDDEN)
@@ -161,31 +234,24 @@ def test_pure_room_opens_no_file(place: str) -> None:
 
 def test_no_arrow_points_upwards() -> None:
     floor = {r: height for height, rooms in enumerate(FLOORS) for r in rooms}
-    arrows = sorted({(room(a), room(b)) for a, others in graph().items() for b in others if room(a) != room(b)})
+    arrows = sorted({(room(a), room(b)) for a, b in all_arrows() if room(a) != room(b)})
     for start, end in arrows:
         print(f"{start} -> {end}")
     assert {r for arrow in arrows for r in arrow} <= set(floor)
-    wrong = [
-        f"{a} -> {b}"
-        for a, others in graph().items()
-        for b in others
-        if room(a) != room(b) and floor[room(a)] >= floor[room(b)]
-    ]
+    wrong = [f"{a} -> {b}" for a, b in all_arrows() if room(a) != room(b) and floor[room(a)] >= floor[room(b)]]
     assert wrong == []
 
 
-def test_rooms_have_floors_and_lines() -> None:
-    lines: Counter[str] = Counter()
-    for name in graph():
-        source = ROOT / Path(*name.split("."))
-        package = source / "__init__.py"
-        source = package if package.exists() else source.with_suffix(".py")  # a folder of data may stand beside it
-        lines[room(name)] += len(source.read_text().splitlines())
-    for number, rooms in enumerate(FLOORS):
+def test_room_has_a_floor_and_keeps_its_budget_of_lines() -> None:
+    lines = Counter[str]()
+    for path in files_of_every_language():
+        lines[room(path.relative_to(ROOT).as_posix())] += len(path.read_bytes().splitlines())
+    for number, rooms in enumerate((*FLOORS, WITHOUT_FLOOR)):
         for place in sorted(rooms & set(lines)):
-            print(f"floor {len(FLOORS) - number:2}  {place:20} {lines[place]:6} lines")
-    print(f"wrcd and sim_ecu: {lines.total()} lines")
-    assert set(lines) <= set().union(*FLOORS)
+            print(f"floor {len(FLOORS) - number:2}  {place:20} {lines[place]:6} lines of {BUDGETS[place]:6}")
+    print(f"{', '.join(PRODUCT)}: {lines.total()} lines")
+    assert set(lines) == set().union(*FLOORS, WITHOUT_FLOOR) == set(BUDGETS)
+    assert {place: (n, BUDGETS[place]) for place, n in lines.items() if n > BUDGETS[place]} == {}
 
 
 def test_name_means_one_thing() -> None:
@@ -205,18 +271,19 @@ def test_name_means_one_thing() -> None:
     assert [c for c, count in classes.items() if count > 1] == []
 
 
-def test_import_graph_has_no_circle() -> None:
+@pytest.mark.parametrize("arrows", [graph, graph_of_c])
+def test_graph_has_no_circle(arrows: Callable[[], dict[str, set[str]]]) -> None:
     state: dict[str, int] = {}
 
     def visit(name: str, path: tuple[str, ...]) -> None:
         assert state.get(name) != 1, " -> ".join((*path[path.index(name) :], name))
         if name not in state:
             state[name] = 1
-            for other in sorted(graph()[name]):
+            for other in sorted(arrows()[name]):
                 visit(other, (*path, name))
             state[name] = 2
 
-    for name in graph():
+    for name in arrows():
         visit(name, ())
 
 

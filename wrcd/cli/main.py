@@ -16,7 +16,6 @@ WRCD = Program(
         "monitor",
         "replay",
         "report",
-        "plot",
         "why",
         "init",
         "lint",

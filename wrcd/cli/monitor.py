@@ -1,6 +1,7 @@
 """`wrcd monitor`: from its arguments to the screen."""
 
 import argparse
+import os
 import sys
 from pathlib import Path
 
@@ -50,6 +51,8 @@ def _run(args: argparse.Namespace) -> int:
 
         if isinstance(source, ReaderProcess):
             source.wait_open()
+        for size in ("COLUMNS", "LINES"):  # what a shell exports is how it was; Textual would ask no terminal
+            os.environ.pop(size, None)
         app = Monitor(model, source, note=note)
         app.run()
     finally:

@@ -1,10 +1,11 @@
 """The command `wrcd report`."""
 
 from argparse import ArgumentParser, Namespace
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from wrcd.cli.arguments import add_bit_rate, add_log, check_bit_rate, read_story
+from wrcd.cli.arguments import add_axle, add_bit_rate, add_log, check_bit_rate, read_story, seconds
 from wrcd.cli.program import Subcommand
 
 if TYPE_CHECKING:
@@ -18,16 +19,26 @@ MAX_SENTENCES = 12  # that are printed; the page has all
 def _add(p: ArgumentParser) -> None:
     add_log(p)
     p.add_argument(
-        "-o", "--output", type=Path, default=DEFAULT, metavar="REPORT.html",
-        help="write it there (default: report.html); an earlier report is overwritten",
+        "-o", "--output", type=Path, metavar="REPORT.html",
+        help="write it there (default: report.html, or with --png no page); an earlier report is overwritten",
     )  # fmt: skip
+    p.add_argument(
+        "--png", type=Path, metavar="OUT.png",
+        help="draw adhesion, Validity, contact and residuals as one picture; .svg and .pdf likewise",
+    )  # fmt: skip
+    p.add_argument(
+        "--from", dest="begin", type=seconds, metavar="S",
+        help="draw from then on: seconds after the first frame, or since 1970 as in the log",
+    )  # fmt: skip
+    p.add_argument("--to", dest="end", type=seconds, metavar="S", help="… and up to then")
+    add_axle(p, "draw ")
     p.add_argument(
         "--against", type=Path, metavar="FILE",
         help="beside another log; or the same log estimated with another design (.json, or a packaged one's name) or "
         "configuration (.toml)",
     )  # fmt: skip
     add_bit_rate(p)
-    p.add_argument("--force", action="store_true", help="overwrite a file that is no report")
+    p.add_argument("--force", action="store_true", help="overwrite a file that is no report, or a picture")
 
 
 def _run(args: Namespace) -> int:
@@ -35,24 +46,78 @@ def _run(args: Namespace) -> int:
     from wrcd.logs.replay_outputs import check_output, check_overwrite
 
     check_bit_rate(args.bit_rate)
-    need(("bokeh",), "report")
-    check_output(args.output, (args.log, args.config, args.against, *args.dbc))
-    if not args.force:
-        check_overwrite(args.output, 'content="wrcd report"', "report of wrcd")
+    output = args.output or (DEFAULT if args.png is None else None)
+    given = (args.log, args.config, args.against, *args.dbc)
+    if output is not None:
+        need(("bokeh",), "report")
+        check_output(output, given)
+        if not args.force:
+            check_overwrite(output, 'content="wrcd report"', "report of wrcd")
+    _check_picture(args, (*given, output))
     from wrcd.config.config import load_config
-    from wrcd.report.report_page import write
 
     config = load_config(args.config)
     against_config = _against_config(args, config)
     story = read_story(args, config)
     against = None if args.against is None else _against(args, config, against_config)
+    if args.png is not None:
+        _draw(args, story)
+        print(f"picture  {args.png}")
+    if output is None:
+        return Status.DONE if story.whole else Status.STOPPED
+    from wrcd.report.report_page import write
+
     try:
-        write(story, against, args.output)
+        write(story, against, output)
     except OSError as e:
-        raise InputError(f"cannot be written: {e.strerror}", file=args.output, key="-o") from None
+        raise InputError(f"cannot be written: {e.strerror}", file=output, key="-o") from None
     _tell(story, against)
-    print(f"{args.output}: {args.output.stat().st_size / 1e6:.1f} MB")
+    print(f"{output}: {output.stat().st_size / 1e6:.1f} MB")
     return Status.DONE if story.whole else Status.STOPPED
+
+
+def _check_picture(args: Namespace, given: Sequence[Path | None]) -> None:
+    """Before the work. Raises InputError."""
+    from wrcd.errors import InputError, need
+    from wrcd.logs.replay_outputs import check_output
+
+    if args.png is None:
+        if args.begin is not None or args.end is not None or args.axle:
+            raise InputError("belongs to a picture", key="--from, --to, --axle", hint="give --png OUT.png")
+        return
+    if args.output is None and (args.against is not None or args.bit_rate is not None):
+        raise InputError("belongs to a page", key="--against, --bit-rate", hint="give -o REPORT.html, too")
+    need(("matplotlib",), "report")
+    from wrcd.report.picture import SUFFIXES
+
+    if args.png.suffix.lower() not in SUFFIXES:
+        raise InputError(f"takes {', '.join(SUFFIXES)}", file=args.png, key="--png", hint="give one of these suffixes")
+    check_output(args.png, given, "--png")
+    if args.png.exists() and not args.force:
+        raise InputError("is there", file=args.png, key="--png", hint="another name, or --force")
+    if args.begin is not None and args.end is not None and args.begin >= args.end:
+        raise InputError(f"{args.end:g} is not behind --from {args.begin:g}", key="--to")
+
+
+def _draw(args: Namespace, story: "Story") -> None:
+    """Of all axles, or of those that are asked for."""
+    from wrcd.errors import InputError
+    from wrcd.logs.why import moment
+    from wrcd.report.picture import draw
+
+    begin_us, end_us = story.begin_us, story.end_us
+    if args.begin is not None:
+        begin_us = moment(story, args.begin, key="--from")
+    if args.end is not None:
+        end_us = min(moment(story, args.end, key="--to", behind=True), story.end_us)
+    if not story.axles:
+        raise InputError(
+            "has no frame of wrcd, and too few inputs to estimate from", file=args.log, hint="give a longer log"
+        )
+    try:
+        draw(story, [story.axle(number) for number in args.axle] or list(story.axles), begin_us, end_us, args.png)
+    except OSError as e:
+        raise InputError(f"cannot be written: {e.strerror}", file=args.png, key="--png") from None
 
 
 def _against_config(args: Namespace, config: "Config") -> "Config | None":
@@ -95,8 +160,8 @@ COMMAND = Subcommand(
     "report",
     "one page of a log: what happened, when, how long, how sure, and why",
     (
-        ("wrcd report ride.log -o report.html", "of a log, with what wrcd said in it or would have said"),
         ("wrcd report ride.log --against other.design.json", "the same log estimated with another design beside it"),
+        ("wrcd report ride.log --png fall.png --from 5 --to 20 --axle 1", "a picture of 15 s of one axle, and no page"),
     ),
     _add,
     _run,

@@ -1,4 +1,4 @@
-"""What keys of the configuration are made of: one declaration each, for the parser and the docs.
+"""What keys of the configuration are made of: one declaration each.
 
 Plain classes: the daemon's start would wait for dataclasses of so many kinds to be made.
 """
@@ -18,8 +18,6 @@ T = TypeVar("T")
 
 class KeyOf(Generic[T]):
     """A key: its name, what it means, and whether it must be there."""
-
-    takes = "text"  # what a value may be, in words
 
     def __init__(self, name: str, what: str, default: T | None = None, *, needed: bool = False) -> None:
         self.name, self.what, self.default, self.needed = name, what, default, needed
@@ -68,8 +66,6 @@ class Text(KeyOf[str]):
 class DesignFile(KeyOf[str]):
     """The name of a packaged design, or a path."""
 
-    takes = "packaged name or path"
-
     def read(self, section: Section) -> str | None:
         """The text, for design_path()."""
         given = section.maybe(self.name, str)
@@ -83,8 +79,6 @@ class DesignFile(KeyOf[str]):
 
 class SignalName(KeyOf[str]):
     """Text of the form Message.Signal."""
-
-    takes = "`Message.Signal`"
 
     def named(self, section: Section) -> tuple[str, str]:
         """The two parts. Raises InputError for a text of another form."""
@@ -100,14 +94,14 @@ class Choice(KeyOf[str]):
 
     def __init__(self, name: str, what: str, options: tuple[str, ...], default: str | None = None) -> None:
         super().__init__(name, what, default)
-        self.options, self.takes = options, ", ".join(options)
+        self.options = options
 
     def read(self, section: Section) -> str | None:
         """The word."""
         given = section.maybe(self.name, str)
         if given is None or given in self.options:
             return self.default if given is None else given
-        return self.refuse(section, f"is {given!r}, not one of {self.takes}", suggest(given, self.options))
+        return self.refuse(section, f"is {given!r}, not one of {', '.join(self.options)}", suggest(given, self.options))
 
 
 class Number(KeyOf[float]):
@@ -119,7 +113,6 @@ class Number(KeyOf[float]):
     ) -> None:  # fmt: skip
         super().__init__(name, what, default)
         self.low, self.high, self.nonzero = low, high, nonzero
-        self.takes = f"{low:g} … {high:g}" if math.isfinite(high) else "number but 0" if nonzero else "number"
 
     def read(self, section: Section) -> float | None:
         """The number."""
@@ -141,7 +134,7 @@ class Whole(KeyOf[int]):
         needed: bool = False,
     ) -> None:  # fmt: skip
         super().__init__(name, what, default, needed=needed)
-        self.low, self.high, self.takes = low, high, f"{low} … {high}"
+        self.low, self.high = low, high
 
     def read(self, section: Section) -> int | None:
         """The number."""
@@ -158,8 +151,6 @@ class Whole(KeyOf[int]):
 class Sign(KeyOf[int]):
     """1 or -1."""
 
-    takes = "1, -1"
-
     def read(self, section: Section) -> int:
         """The sign."""
         value = section.get(self.name, int, 1)
@@ -169,8 +160,6 @@ class Sign(KeyOf[int]):
 class Flag(KeyOf[bool]):
     """True or false."""
 
-    takes = "true, false"
-
     def read(self, section: Section) -> bool:
         """The value."""
         return section.get(self.name, bool, bool(self.default))
@@ -178,8 +167,6 @@ class Flag(KeyOf[bool]):
 
 class Interval(KeyOf[tuple[float, float]]):
     """Two numbers, the lower one first."""
-
-    takes = "[low, high]"
 
     def read(self, section: Section) -> tuple[float, float] | None:
         """The two."""
@@ -194,8 +181,6 @@ class Interval(KeyOf[tuple[float, float]]):
 class RawValue(KeyOf[int | str]):
     """A raw value: a whole number, or a word of the signal's value table."""
 
-    takes = "raw value or word"
-
     def read(self, section: Section) -> int | str | None:
         """The value."""
         value = section.raw(self.name)
@@ -206,8 +191,6 @@ class RawValue(KeyOf[int | str]):
 
 class RawValues(KeyOf[tuple[int | str, ...]]):
     """Several of them."""
-
-    takes = "list of raw values or words"
 
     def read(self, section: Section) -> tuple[int | str, ...] | None:
         """The values."""
@@ -221,12 +204,6 @@ class RawValues(KeyOf[tuple[int | str, ...]]):
 
 class Sub(KeyOf[str]):
     """A table of its own, or text that stands for the one key of it that is needed; several: or a list of them."""
-
-    def __init__(
-        self, name: str, what: str, *, several: bool = False, needed: bool = False, default: str | None = None
-    ) -> None:
-        super().__init__(name, what, default, needed=needed)
-        self.takes = "text, table or list of them" if several else "text or table"
 
 
 def names(keys: Iterable[Key]) -> tuple[str, ...]:

@@ -256,15 +256,15 @@ def _reasons(design: Design, why: Estimate | None, place: int) -> list[str]:
     return [model, f"{rule}: {sentence(design, rule - 1)}" if rule else "", f"{why.rule_share[place]:.2f}"]
 
 
-def check_output(output: Path, inputs: Sequence[Path | None]) -> None:
+def check_output(output: Path, inputs: Sequence[Path | None], key: str = "-o") -> None:
     """Raises InputError for an output that is one of the inputs, or whose folder is not there."""
     for read in inputs:
         if read is not None and _same(output, read):
-            raise InputError("is read by this command; it would be lost", file=output, key="-o", hint="give another")
+            raise InputError("is read by this command; it would be lost", file=output, key=key, hint="give another")
     if output.is_dir():
-        raise InputError("is a folder", file=output, key="-o", hint="give a file's name")
+        raise InputError("is a folder", file=output, key=key, hint="give a file's name")
     if not output.parent.is_dir():
-        raise InputError("its folder is not there", file=output, key="-o", hint=f"mkdir -p {output.parent}")
+        raise InputError("its folder is not there", file=output, key=key, hint=f"mkdir -p {output.parent}")
 
 
 def check_overwrite(output: Path, mark: str, what: str) -> None:

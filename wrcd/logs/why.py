@@ -118,12 +118,12 @@ def _value(series: Series | None, name: str, at_us: int) -> float:
     return math.nan if series is None else series.at(name, at_us, INPUT_MAX_AGE_US)
 
 
-def moment(story: Story, given_s: float, *, key: str = "SECONDS", relative: bool = False, behind: bool = False) -> int:
-    """Seconds since the log's first frame, or, if not relative, since 1970 where that lies within the log, in
-    microseconds. Raises InputError for a time outside of the log; behind: one behind its end is none.
+def moment(story: Story, given_s: float, *, key: str = "SECONDS", behind: bool = False) -> int:
+    """Seconds since 1970 where that lies within the log, else since its first frame, in microseconds. Raises InputError
+    for a time outside of the log; behind: one behind its end is none.
     """
     absolute = round(given_s * 1e6)
-    if not relative and story.begin_us <= absolute <= story.end_us:
+    if story.begin_us <= absolute <= story.end_us:
         return absolute
     time_us = story.begin_us + absolute
     if story.begin_us <= time_us and (behind or time_us <= story.end_us):

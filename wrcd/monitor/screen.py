@@ -11,6 +11,7 @@ from pathlib import Path
 
 from textual.app import App, ComposeResult
 from textual.binding import Binding
+from textual.events import Resize
 
 from wrcd.bus.candump import format_line
 from wrcd.monitor.board import Board, ScreenView
@@ -106,6 +107,12 @@ class Monitor(App[None]):
 
     def _end(self, number: signal.Signals) -> None:
         self.exit(return_code=128 + number)
+
+    def on_resize(self, event: Resize) -> None:
+        """Tell the screen at once. Textual waits for the last of many sizes by a timer of 8 ms, which skips its only
+        turn where the computer is busy just then; no size was taken after that."""
+        if self.screen_stack:
+            self.screen.post_message(event)
 
     def on_mount(self) -> None:
         """Begin; of a log, where something happened."""

@@ -1,4 +1,4 @@
-"""`wrcd plot`: a log in one picture, an axle below the other. Drawn with matplotlib (extra report)."""
+"""`wrcd report --png`: a log in one picture, an axle below the other. Drawn with matplotlib (extra report)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -17,7 +17,7 @@ import pytest
 
 from sim_ecu.cli.main import main
 from sim_ecu.jobs import pool
-from tests.support.page_commands import run_by
+from tests.support.pages import run_by
 from tests.support.processes import ROOT, running, wait_for
 from tests.support.trial_kind import Write, lines, meanwhile, rows
 from wrcd.errors import Status

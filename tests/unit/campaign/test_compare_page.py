@@ -1,6 +1,7 @@
 """The script of docs/how-to/compare-two-designs.md, as the page has it, on two Parquet folders."""
 
 import ast
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -10,7 +11,7 @@ import pandas as pd
 import pytest
 
 from sim_ecu.campaign.kinds.score import SCORE
-from tests.support.page_commands import FILE, run_by
+from tests.support.pages import run_by
 from tests.support.processes import ROOT
 
 PAGE = ROOT / "docs/how-to/compare-two-designs.md"
@@ -31,7 +32,9 @@ def rows(worlds: int, seed: int, **shifts: float) -> pd.DataFrame:
 
 def compared(folder: Path, before: pd.DataFrame, after: pd.DataFrame) -> pd.DataFrame:
     """What the script prints."""
-    (folder / "compare.py").write_text(dict(FILE.findall(PAGE.read_text()))["compare.py"])
+    script = re.search(r"^```python\n(.*?)^```$", PAGE.read_text(), re.MULTILINE | re.DOTALL)
+    assert script
+    (folder / "compare.py").write_text(script[1])
     for name, found in (("before", before), ("after", after)):
         (folder / name / "rows").mkdir(parents=True)
         half = len(found) // 2

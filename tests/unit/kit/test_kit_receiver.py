@@ -102,7 +102,7 @@ def test_call_of_the_readme_does_what_the_page_says_and_stands_in_the_docs(
 ) -> None:
     fence = re.search(r"^```c\n(.*?)^```$", (default / "README.md").read_text(), re.MULTILINE | re.DOTALL)
     assert fence
-    assert fence[1] in (ROOT / "docs/how-to/write-a-receiver.md").read_text()
+    assert fence[1] in (ROOT / "docs/how-to/run-on-an-ecu.md").read_text()
     cases = {
         "Valid": ["limit 2045"], "Confidence Wider": ["keep"], "Degraded": ["fall back"], "NotAvailable": ["fall back"],
         "ContactState Saturated": ["limit 2045", "no more"],

@@ -118,5 +118,5 @@ def test_scenario_to_play_is_said_to_be_one_and_a_missing_file_is_not_there(tmp_
 
 def test_scenario_of_the_page_is_one() -> None:
     page = (ROOT / "docs/reference/scenario.md").read_text()
-    s = read(page.partition("<!-- file: stop.toml -->\n```toml\n")[2].partition("```")[0])
+    s = read(page.partition("## A scenario to drive")[2].partition("```toml\n")[2].partition("```")[0])
     assert (s.actuators.full_brake_N_m, s.actuators.pneumatics.fill_s) == (20e3, 0.4)

@@ -21,7 +21,7 @@ from wrcd.monitor.bus_model import BusModel
 from wrcd.monitor.panels import SourceState
 from wrcd.monitor.screen import KEYS, Monitor
 from wrcd.monitor.sources import NoMore
-from wrcd.monitor.widgets import TextPage
+from wrcd.monitor.widgets import CanvasWidget, TextPage
 
 Steps = Callable[[Pilot[Any]], Awaitable[None]]
 
@@ -70,6 +70,17 @@ def turned(app: Monitor, steps: Steps, size: tuple[int, int] = (80, 24)) -> None
             await steps(pilot)
 
     asyncio.run(run())
+
+
+class Preempted:
+    """The clock of Textual's timers on a computer that is busy whenever they look."""
+
+    def __init__(self) -> None:
+        self.now_s = 0.0
+
+    def get_time(self) -> float:
+        self.now_s += 0.02
+        return self.now_s
 
 
 def live(config: Config, source: Fed, folder: Path | None = None) -> Monitor:
@@ -159,6 +170,19 @@ def test_cursor_zoom_and_ends_move_through_time(config: Config, fed: Fed) -> Non
         assert app.view.cursor_us == START_US
         await pilot.press("end")
         assert app.view.is_live
+
+    turned(app, steps)
+
+
+def test_new_size_is_taken_by_a_busy_computer(config: Config, fed: Fed, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("textual.timer._time", Preempted())
+    app = live(config, fed)
+
+    async def steps(pilot: Pilot[Any]) -> None:
+        for size in ((100, 30), (60, 19), (80, 24)):
+            await pilot.resize_terminal(*size)
+            await pilot.pause()
+            assert app.query_one(CanvasWidget).size == size
 
     turned(app, steps)
 

@@ -1,4 +1,4 @@
-"""The signs of docs/reference/signs.md and of its picture are those of the rig's physics."""
+"""The signs of docs/reference/dbc.md and of its picture are those of the rig's physics."""
 
 import re
 from pathlib import Path
@@ -27,7 +27,7 @@ from tests.support.signs_picture import CURVES, PICTURE, TORQUES, draw
 
 W, TICK_S, V = Wheelset(), 0.005, 25.0
 STRAIGHT = rail_table([RailSection(0.0, RAILS["A"])])
-PAGE = Path(__file__).parents[3] / "docs" / "reference" / "signs.md"
+PAGE = Path(__file__).parents[3] / "docs" / "reference" / "dbc.md"
 # curvature, as the scenarios say it: to the right
 RIGHT = {"left-hand curve": -1.0, "right-hand curve": 1.0}
 

@@ -8,7 +8,7 @@ import pytest
 
 from sim_ecu import resources as rig
 from sim_ecu.design.brief import load_source
-from sim_ecu.reporting.page import markdown
+from sim_ecu.reporting.table import markdown
 from sim_ecu.reporting.values import MET, MISSED, Figure
 from sim_ecu.score.baselines import PAPER
 from sim_ecu.score.metrics.accuracy import OURS

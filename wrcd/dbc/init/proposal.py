@@ -60,7 +60,7 @@ class Proposal:
         """The whole file."""
         head = [
             f"# Proposed by wrcd init for {self.dbc}: by names, units and words, which is no knowledge.",
-            "# Read every line of it. A DBC does not tell how a sensor is mounted: docs/reference/signs.md has signs,",
+            "# Read every line of it. A DBC does not tell how a sensor is mounted: docs/reference/dbc.md has signs,",
             "# and `wrcd check --log LOG` compares them with a run.",
             "#",
             "# Open, a person settles it:",

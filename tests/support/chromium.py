@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
 
 from playwright.sync_api import Browser, Page, sync_playwright
 
@@ -40,6 +39,13 @@ class Opened:
         self.page.on("pageerror", lambda e: self.complaints.append(f"error: {e}"))
         self.page.on("request", lambda r: self._asked(r.url))
 
+    def settle(self) -> None:
+        """Wait for some frames: what was asked for is drawn then."""
+        self.page.evaluate(
+            "new Promise((done) => { let n = 4; const next = () => (n-- ? requestAnimationFrame(next) : done()); "
+            "next(); })"
+        )
+
     def _said(self, kind: str, text: str) -> None:
         if kind in ("error", "warning"):
             self.complaints.append(f"{kind}: {text}")
@@ -50,24 +56,15 @@ class Opened:
 
 
 @contextmanager
-def opened(
-    browser: Browser, file: Path, width: int = 1280, height: int = 900, scheme: Literal["light", "dark"] = "light",
-    script: str = "", until: str = "complete",
-) -> Iterator[Opened]:  # fmt: skip
-    """Open a report, and wait until its plots are drawn: "shown" those in view, "complete" all."""
-    context = browser.new_context(
-        viewport={"width": width, "height": height}, color_scheme=scheme, reduced_motion="reduce"
-    )
+def opened(browser: Browser, file: Path, width: int = 1280, height: int = 900) -> Iterator[Opened]:
+    """Open a report, and wait until its plots are drawn."""
+    context = browser.new_context(viewport={"width": width, "height": height}, reduced_motion="reduce")
     try:
         context.set_default_timeout(TIMEOUT_MS)
-        if script:
-            context.add_init_script(script)
         found = Opened(context.new_page())
         found.listen()
         found.page.goto(file.resolve().as_uri())
-        if until:
-            states = ("complete",) if until == "complete" else ("shown", "complete")
-            found.page.wait_for_selector(",".join(f"html[data-state={s}]" for s in states), state="attached")
+        found.page.wait_for_selector("html[data-state=complete]", state="attached")
         yield found
     finally:
         context.close()

@@ -1,15 +1,17 @@
-"""--fail-on missed of `sim-ecu score`: the status, and the line that says why."""
+"""The goals of `sim-ecu score`: --fail-on missed, and what a quick one judges."""
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
 from sim_ecu.cli.main import main
 from sim_ecu.design.brief import load_source
 from sim_ecu.reporting.values import CHANCE, MET, MET_CHANCE, MISSED, TOO_FEW, Figure
-from sim_ecu.reporting.verdicts import Goal
+from sim_ecu.reporting.verdicts import MIN_QUICK_RUNS, Goal
 from sim_ecu.score import run_score
 from sim_ecu.score.report import judge
+from sim_ecu.score.score_goals import goals
 from sim_ecu.score.suites import runs
 from wrcd import resources
 
@@ -30,10 +32,26 @@ def test_status_is_that_of_the_goals_where_it_was_asked_for(
         ((MET, MET_CHANCE, CHANCE, TOO_FEW), ["--fail-on", "missed"], 0, ""),
         ((TOO_FEW,) * 2, ["--fail-on", "missed"], 2, "--fail-on: no goal could be judged, for too few runs"),
     ):
-        goals = [GOAL | {"verdict": v} for v in verdicts]
-        monkeypatch.setattr(run_score, "judge", lambda *of, goals=goals: judge(*of) | {"goals": goals})
+        judged = [GOAL | {"verdict": v} for v in verdicts]
+        monkeypatch.setattr(run_score, "judge", lambda *of, judged=judged: judge(*of) | {"goals": judged})
         assert main(["score", "--jobs", "1", *asked]) == status
         told = capsys.readouterr()
         assert ("--fail-on" in told.err) == bool(said)
         assert said in told.err
         assert "**goals**" in told.out  # the tables come first
+
+
+def figure(value: float, runs: int) -> Figure:
+    return Figure(value, value - 0.1, value + 0.1, runs, 1000)
+
+
+def suites(runs: int) -> dict[str, Any]:
+    """What came of `dry-hours`: nine seconds, of so many runs."""
+    return {"dry-hours": {"episodes": 0, "seconds": figure(9.0, runs), "hours": 1.0, "at_most_per_hour": 3.0}}
+
+
+def test_quick_score_judges_nothing_that_has_few_runs() -> None:
+    few, many, accused = suites(MIN_QUICK_RUNS - 1), suites(MIN_QUICK_RUNS), figure(0.0, 12)
+    assert [g.verdict for g in goals(few, accused)] == [MISSED, MET_CHANCE]
+    assert [g.verdict for g in goals(few, accused, quick=True)] == [TOO_FEW, TOO_FEW]
+    assert [g.verdict for g in goals(many, None, quick=True)] == [MISSED]
