@@ -39,7 +39,7 @@ def _run(args: argparse.Namespace) -> int:
 
 COMMAND = Subcommand(
     "drive",
-    "the rig with its loop open: torque and valves are what a controller on the bus demands",
+    "the rig in a closed loop: torque and valves are what a controller on the bus demands",
     (
         ("sim-ecu drive emergency-greasy -c vcan0", "a stop on greasy rail; see `sim-ecu control`"),
         ("sim-ecu drive stop.toml -c can0 --json stop.json", "a scenario of your own, and its figures as a document"),

@@ -190,12 +190,13 @@ def summary(scenario: DriveScenario, ride: DriveResult) -> list[str]:
     if not ride.steps:
         return [title, "  stopped before the first sample"]
     last, f = ride.steps[-1], judge(ride.steps, scenario)
-    early = ride.status is Status.STOPPED
+    why = f"slower than {scenario.stop_m_s:g} m/s" if f.stopped else "the scenario is over"
+    if ride.status is Status.STOPPED:
+        why = f"stopped early, of {train.duration_s:g} s"
     waited = f"; its time waited {times(counts['waits'])}, {counts['waited_s']:.2f} s" if counts["waits"] else ""
     out = [
         title,
-        f"  time      {last.due_us * 1e-6:.1f} s: "
-        + (f"stopped early, of {train.duration_s:g} s" if early else "the scenario is over"),
+        f"  time      {last.due_us * 1e-6:.1f} s: {why}",
         f"  train     {last.speed_m_s:.1f} m/s after {last.distance_m:.0f} m",
         f"  demand    {f.seconds:.1f} s and {f.stop_m:.0f} m from when it came, impulse {f.impulse_kNs:.0f} kNs",
         f"  slip      {f.slides} slides above {MIN_SLIDE_SPEED_M_S:g} m/s, largest {f.max_slip_m_s:.2f} m/s, "

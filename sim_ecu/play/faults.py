@@ -78,8 +78,8 @@ KINDS = {
         (2000.0,), 1.0, 20_000.0,
     ),
     "error-flood": FaultKind(Stage.BUS, "CAN error frames", "frames/s", (1000.0,), 1.0, 20_000.0),
-    "link-down": FaultKind(Stage.BUS, "the interface goes down and up again (vcan; needs root)"),
-    "device-gone": FaultKind(Stage.BUS, "the interface is deleted and made again (vcan; needs root)"),
+    "link-down": FaultKind(Stage.BUS, "the interface goes down and up again (on a bus: vcan and root)"),
+    "device-gone": FaultKind(Stage.BUS, "the interface is deleted and made again (on a bus: vcan and root)"),
     "bus-off": FaultKind(Stage.BUS, "the controller goes bus-off (with --fast)"),
 }  # fmt: skip
 SILENT = ("link-down", "device-gone", "bus-off")  # no frame gets through

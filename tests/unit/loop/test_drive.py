@@ -149,10 +149,12 @@ def test_run_ends_when_the_train_is_slow_or_its_time_is_over() -> None:
     wire.to_the_end()
     assert wire.drive.over
     assert wire.drive.steps[-1].speed_m_s < 11.5 <= wire.drive.steps[-2].speed_m_s
+    assert ended(wire, Status.DONE)[1].endswith(" s: slower than 11.5 m/s")
     over = scenario(seconds=0.5)
     wire = Wire(over, Unprotected(over.axles, over.actuators))
     wire.to_the_end()
     assert len(wire.drive.steps) == 100
+    assert ended(wire, Status.DONE)[1].endswith(" 0.5 s: the scenario is over")
 
 
 def test_status_is_told_once_a_second(wire: Wire) -> None:

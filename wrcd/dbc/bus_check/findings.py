@@ -172,8 +172,8 @@ def nothing(config: Config, gathered: Gathered) -> list[str]:
     """The page where no frame fits."""
     ids = ", ".join(sorted({id_text(key) for key in gathered.receiver.readers}))
     return [
-        f"no frame of {gathered.seconds:.1f} s fits the configuration {config.file}: it maps {ids}",
-        f"there are {_others(gathered)}",
+        f"no frame of {gathered.seconds:.1f} s fits the configuration ({config.file}): it maps {ids}",
+        f"there are {_others(gathered)}" if gathered.others else "no other frame came",
     ]
 
 
