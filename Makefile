@@ -131,7 +131,7 @@ design: $(READY)
 	$(BIN)/sim-ecu design --config lone-wheelset -o wrcd/data/designs/lone-wheelset.design.json
 	$(BIN)/sim-ecu design --config lone-wheelset --form paper -o sim_ecu/data/lone-wheelset.paper.design.json
 
-# the tables of docs/reference/score.md, of the train and of the lone wheelset; half an hour on two cores
+# the tables of docs/reference/score.md, of the train and of the lone wheelset; eight minutes on two cores
 score: $(READY)
 	$(BIN)/sim-ecu score --suite worlds --json build/score-train.json
 	$(BIN)/sim-ecu score --design lone-wheelset --json build/score-lone.json
