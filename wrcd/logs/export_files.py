@@ -162,7 +162,7 @@ class McapFile:
 
     def close(self) -> None:
         """Write the index and close the file."""
-        self._writer.finish()  # type: ignore[no-untyped-call]
+        self._writer.finish()  # type: ignore[no-untyped-call]  # mcap declares no type for it
         self._file.close()
 
 

@@ -240,7 +240,7 @@ def test_live_bus_is_listened_to_and_nothing_is_sent(tmp_path: Path, capsys: pyt
 
 def test_live_bus_that_is_silent_says_so(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", "--live", "0.2", "-i", "virtual", "-c", "silent"]) == 3
-    assert "no other frame came" in capsys.readouterr().out
+    assert "none of other ids came" in capsys.readouterr().out
 
 
 def test_noise_is_the_white_part_of_a_series() -> None:

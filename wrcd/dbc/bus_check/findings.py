@@ -173,17 +173,17 @@ def nothing(config: Config, gathered: Gathered) -> list[str]:
     ids = ", ".join(sorted({id_text(key) for key in gathered.receiver.readers}))
     return [
         f"no frame of {gathered.seconds:.1f} s fits the configuration ({config.file}): it maps {ids}",
-        f"there are {_others(gathered)}" if gathered.others else "no other frame came",
+        f"{_others(gathered)} came",
     ]
 
 
 def _others(gathered: Gathered) -> str:
     n = gathered.others.total()
     if not n:
-        return "nobody else's"
+        return "none of other ids"
     most = ", ".join(f"{id_text(key)} {count}" for key, count in gathered.others.most_common(MAX_OTHERS))
     more = ", …" if len(gathered.others) > MAX_OTHERS else ""
-    return f"{n} of {len(gathered.others)} other ids ({most}{more})"
+    return f"{n} of other ids ({most}{more})"
 
 
 def _word(f: Fit) -> str:
