@@ -31,7 +31,7 @@ vcan:
 Makefile: ;
 else
 
-.PHONY: demo pictures test lint check night corpus unit hil faults systemd fuzz soak coverage bench mutants format design score docs lock audit clean deb
+.PHONY: demo pictures test lint check night corpus unit hil systemd fuzz soak coverage bench mutants format design score docs lock audit clean deb
 
 demo: $(READY)
 	$(BIN)/sim-ecu demo
@@ -46,15 +46,14 @@ unit: export OMP_NUM_THREADS = 1
 unit: $(READY)
 	$(BIN)/python -m pytest -n auto --maxprocesses=8 --dist=worksteal --durations=5 -rs
 
-# vcan of this kernel where it has one, else of a throw-away guest kernel. GUEST_TIMEOUT ends one that hangs; it judges no time
+# A script records what the daemon does on vcan, of this kernel where it has one, else of a throw-away guest kernel; then
+# the recording is judged here. GUEST_TIMEOUT ends a guest that hangs; it judges no time
 hil: $(READY)
-	GUEST_TIMEOUT=3600 tests/hil/guest/run --native-ok -- $(BIN)/python -m pytest $(HIL) \
-	    tests/hil/test_vcan.py tests/hil/test_link_*.py tests/hil/test_load.py tests/hil/test_monitor.py \
-	    tests/hil/test_contract.py tests/hil/test_loop.py
-
-# every fault of the matrix against the real daemon; its table is printed
-faults: $(READY)
-	GUEST_TIMEOUT=3600 tests/hil/guest/run -- $(BIN)/python -m pytest $(HIL) tests/hil/test_faults.py
+	$(BIN)/python -m tests.hil.prepare build/hil/play
+	rm -rf build/hil/vcan
+	GUEST_OUT=build/hil/vcan GUEST_TIMEOUT=3600 tests/hil/guest/run --native-ok -- \
+	    env PATH="$(CURDIR)/$(BIN):$$PATH" bash tests/hil/vcan.sh $(CURDIR)/build/hil/play
+	$(BIN)/python -m pytest $(HIL) tests/hil/test_daemon.py tests/hil/test_link.py
 
 systemd: $(READY)
 	tests/hil/unit-env
@@ -100,9 +99,10 @@ soak: $(READY)
 coverage: $(READY)
 	rm -rf build/coverage
 	mkdir -p build/coverage/guest
+	$(BIN)/python -m tests.hil.prepare build/hil/play
 	$(BIN)/coverage run -m pytest --durations=5
-	GUEST_OUT=build/coverage/guest GUEST_TIMEOUT=900 tests/hil/guest/run -- sh -c \
-	    'COVERAGE_FILE=$$OUT/data exec $(BIN)/coverage run -m pytest $(HIL) tests/hil/test_link_*.py tests/hil/test_vcan.py'
+	GUEST_OUT=build/coverage/guest GUEST_TIMEOUT=900 tests/hil/guest/run -- env PATH="$(CURDIR)/$(BIN):$$PATH" \
+	    WRCD="coverage run --rcfile=$(CURDIR)/pyproject.toml -m wrcd.cli" bash tests/hil/vcan.sh $(CURDIR)/build/hil/play
 	$(BIN)/coverage combine -q build/coverage build/coverage/guest
 	$(BIN)/coverage report --fail-under=95
 
