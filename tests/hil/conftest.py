@@ -14,6 +14,8 @@ from wrcd.bus.socketcan import SocketCanLink
 
 
 def pytest_configure(config: pytest.Config) -> None:
+    if all(Path(name).name.startswith("test_systemd.py") for name in config.args):
+        return  # it reads a recording
     missing = [tool for tool in ("candump", "cansend", "canplayer") if shutil.which(tool) is None]
     if not hasattr(socket, "AF_CAN") or not Path("/sys/class/net/vcan0").exists() or missing:
         raise pytest.UsageError(
