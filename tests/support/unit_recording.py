@@ -53,7 +53,8 @@ class Recording:
             Line(int(e.get("_SOURCE_REALTIME_TIMESTAMP", e["__REALTIME_TIMESTAMP"])), e["_PID"], str(e["MESSAGE"]))
             for e in said
         ]
-        frames = [frame for frame, _ in read_log(folder / "bus.log", Damage())]
+        log = folder / "bus.log"
+        frames = [frame for frame, _ in read_log(log, Damage())] if log.exists() else []
         starts_us = [line.stamp_us for line in self.journal if line.text.startswith("Starting wrcd@vcan0.")]
         self.processes = list[Process]()
         for since_us, until_us in pairwise([*starts_us, FOREVER_US]):
