@@ -60,7 +60,7 @@ faults: $(READY)
 systemd: $(READY)
 	tests/hil/unit-env
 	rm -rf build/hil/systemd
-	-GUEST_OUT=build/hil/systemd GUEST_TIMEOUT=900 tests/hil/guest/run --systemd -- tests/hil/systemd.sh
+	-GUEST_OUT=build/hil/systemd GUEST_TIMEOUT=1800 tests/hil/guest/run --systemd -- tests/hil/systemd.sh
 	$(BIN)/python -m pytest $(HIL) tests/hil/test_systemd.py
 
 # build/deb/wrcd_VERSION_ARCH.deb, for the system's python3; no root
