@@ -28,7 +28,7 @@ begin() { # begin EPISODE INTERFACE [CONFIGURATION]: candump and the daemon; $be
     # Of all interfaces: one that is deleted and made again is heard, too. It loses nothing: the bus waits for it
     chrt -f 50 candump -r 8388608 -L any,0:0,#FFFFFFFF >bus.log 2>candump & heard=$!
     ${before-} ${WRCD-wrcd} run -i socketcan -c "$bus" ${3:+--config "$3"} 2>said & daemon=$!
-    until_ 300 seen
+    until_ 900 seen
     mark begin
 }
 
@@ -42,7 +42,7 @@ after() { # after MICROSECONDS: whether an Adhesion frame was sent after that
 
 settle() { # the daemon has taken all that was on the bus until now
     local now=${EPOCHREALTIME/./}
-    until_ 300 after $((now + 300000))
+    until_ 900 after $((now + 300000))
 }
 
 end() { # stop the daemon, and candump; one that does not end is made to
@@ -57,7 +57,6 @@ end() { # stop the daemon, and candump; one that does not end is made to
     sleep .3
     kill -INT $heard
     wait $heard
-    unset before
 }
 
 played() { # played LOG [OPTION...]: on this episode's interface. A sensor waits for nobody's processor
@@ -91,7 +90,7 @@ settle
 mark dump
 kill -USR1 $daemon
 dumped() { compgen -G '*-asked.log' >/dev/null; }
-until_ 300 dumped
+until_ 900 dumped
 end
 
 begin six vcan0 six.toml
@@ -185,7 +184,7 @@ adhesion=301 played fd.log
 adhesion=301 settle
 mark dump
 kill -USR1 $daemon
-until_ 300 dumped
+until_ 900 dumped
 adhesion=301 end
 
 # a controller that goes off the bus, a clock that is set, and a line that nobody reads
@@ -193,7 +192,7 @@ mkfifo "$OUT/orders"
 python3 "$play/peer.py" can7 "$play/busoff.log" "$OUT/line" <"$OUT/orders" & peer=$!
 exec 7>"$OUT/orders"
 is_up() { ip link show can7 up 2>/dev/null | grep -q can7; }
-until_ 100 is_up
+until_ 300 is_up
 begin busoff can7
 order() {
     mark "$1"
