@@ -12,6 +12,8 @@
 # make deb    a Debian package with its libraries inside: build/deb
 # make bench  what wrcd costs on this computer, against another checkout too (BEFORE=DIR); a minute, asserts nothing
 # make mutants   whether the tests notice changed code in validity and E2E; an hour, see tests/mutants.md
+# where Python is told to write no bytecode, each program that a test starts compiles wrcd anew, and each worker all tests
+unexport PYTHONDONTWRITEBYTECODE
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin

@@ -46,6 +46,8 @@ def to_run(page: str) -> list[Block]:
     return [b for b in blocks(ROOT / page) if b.skip is None]
 
 
+# their commands start a scheduler and its workers several times; tests/unit/campaign has the same commands in process
+CAMPAIGNS = ("docs/how-to/judge-a-fleets-logs.md", "docs/how-to/run-a-campaign.md")
 PAGES = [n for n in NAMES if n.startswith(FOLDERS) and to_run(n)]
 
 
@@ -127,7 +129,7 @@ def run(steps: list[Block], folder: Path) -> None:
         raise AssertionError(f"{at.name}: {why}\n{at.body}\nsays\n{said.rpartition(f'-- {at.name}')[2][-4000:]}")
 
 
-@pytest.mark.parametrize("page", PAGES)
+@pytest.mark.parametrize("page", [pytest.param(p, marks=pytest.mark.night if p in CAMPAIGNS else ()) for p in PAGES])
 def test_shell_blocks_of_a_page_run(page: str, tmp_path: Path) -> None:
     run(to_run(page), tmp_path)
 
