@@ -53,8 +53,8 @@ unit: $(READY)
 hil: $(READY)
 	$(BIN)/python -m tests.hil.prepare build/hil/play
 	rm -rf build/hil/vcan
-	-GUEST_OUT=build/hil/vcan GUEST_TIMEOUT=3600 tests/hil/guest/run --native-ok -- \
-	    env PATH="$(CURDIR)/$(BIN):$$PATH" bash tests/hil/vcan.sh $(CURDIR)/build/hil/play
+	-PATH=$(CURDIR)/$(BIN):$$PATH GUEST_OUT=build/hil/vcan GUEST_TIMEOUT=1800 tests/hil/guest/run --native-ok -- \
+	    tests/hil/vcan.sh $(CURDIR)/build/hil/play
 	$(BIN)/python -m pytest $(HIL) tests/hil/test_daemon.py tests/hil/test_link.py
 
 # records in a guest, and judges here; a guest that dies leaves a recording that fails
@@ -105,8 +105,8 @@ coverage: $(READY)
 	mkdir -p build/coverage/guest
 	$(BIN)/python -m tests.hil.prepare build/hil/play
 	$(BIN)/coverage run -m pytest --durations=5
-	GUEST_OUT=build/coverage/guest GUEST_TIMEOUT=900 tests/hil/guest/run -- env PATH="$(CURDIR)/$(BIN):$$PATH" \
-	    WRCD="coverage run --rcfile=$(CURDIR)/pyproject.toml -m wrcd.cli" bash tests/hil/vcan.sh $(CURDIR)/build/hil/play
+	PATH=$(CURDIR)/$(BIN):$$PATH GUEST_OUT=build/coverage/guest GUEST_TIMEOUT=1800 tests/hil/guest/run -- \
+	    env WRCD="coverage run --rcfile=$(CURDIR)/pyproject.toml -m wrcd.cli" tests/hil/vcan.sh $(CURDIR)/build/hil/play
 	$(BIN)/coverage combine -q build/coverage build/coverage/guest
 	$(BIN)/coverage report --fail-under=95
 

@@ -6,6 +6,9 @@
 # exit (its status). What was waited for in vain is a mark TIMEOUT. The file `done` is the last that is written.
 set -u
 play=$1
+for program in candump canplayer cansend cangen chrt wrcd; do
+    command -v $program >/dev/null || { echo "no $program on PATH" >&2; exit 1; }
+done
 adhesion=091 # the id that a daemon is known by
 
 mark() { echo "$1 $EPOCHREALTIME" >>marks; }
