@@ -77,11 +77,13 @@ class CanBus:
     def __init__(self) -> None:
         self.is_there = True
         self.sockets: list[CanSocket] = []
+        self._far: list[socket.socket] = []
         self.module: Any = stand_in(self._make)  # to be put in the place of socketcan.socket
 
     def _make(self, *_: int) -> CanSocket:
-        ours, self.far = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)  # its queue can be full
+        ours, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)  # its queue can be full
         self.sockets.append(CanSocket(ours))
+        self._far.append(far)
         self.newest.is_there = self.is_there
         return self.newest
 
@@ -89,6 +91,11 @@ class CanBus:
     def newest(self) -> CanSocket:
         """The socket that was made last."""
         return self.sockets[-1]
+
+    @property
+    def far(self) -> socket.socket:
+        """Its other end."""
+        return self._far[-1]
 
     def send(self, *frames: Frame) -> None:
         """From another node: what the socket's filters let in, as the kernel does it."""
@@ -108,7 +115,7 @@ class CanBus:
 
     def sent(self) -> list[tuple[int, bytes]]:
         """Word and data of what has come to the bus since the last look."""
-        found = []
+        found = list[tuple[int, bytes]]()
         while True:
             try:
                 word, length, data = FRAME.unpack(self.far.recv(FRAME.size, socket.MSG_DONTWAIT))
@@ -117,10 +124,9 @@ class CanBus:
             found.append((word, data[:length]))
 
     def close(self) -> None:
-        """Let go of both ends."""
-        for s in self.sockets:
+        """Let go of all ends."""
+        for s in (*self.sockets, *self._far):
             s.close()
-        self.far.close()
 
 
 def stand_in(make: Any) -> Any:
