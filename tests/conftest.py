@@ -1,9 +1,9 @@
 """Logs of scenarios, made once per test run; the estimators; and where tests may not be skipped."""
 
-import copy
 import ctypes
 import hashlib
 import os
+import pickle
 import signal
 from collections.abc import Generator, Iterator
 from functools import cache
@@ -17,7 +17,6 @@ from sim_ecu.play.scenario import read_scenario
 from tests.support.scenarios import LogOf
 from wrcd import native
 from wrcd.bus import dbc
-from wrcd.bus.dbc_soundness import Orphan
 from wrcd.config.settings import parse_toml
 from wrcd.estimator import design
 from wrcd.estimator.estimator import Estimator
@@ -40,16 +39,17 @@ settings.register_profile(
 )
 settings.load_profile("ci")
 
-# cantools takes 60 ms to parse the packaged DBC. Its messages are shared: nothing changes them once they are read.
-_parse = cache(dbc._parse)
+# cantools takes 60 ms to parse the packaged DBC, a copy of what it gave the first time 7.
+_parse, _parsed = dbc._parse, dict[str, bytes]()
 
 
-def _parse_once(text: str) -> tuple[dbc.Database, dict[str, str], list[Orphan]]:
-    database, unsound, orphans = _parse(text)
-    return copy.copy(database), dict(unsound), list(orphans)
+def _parse_once(text: str) -> object:
+    if text not in _parsed:
+        _parsed[text] = pickle.dumps(_parse(text))
+    return pickle.loads(_parsed[text])
 
 
-dbc._parse = _parse_once
+dbc._parse = _parse_once  # type: ignore[assignment]  # any file's, as an object that is pickled
 # A design, which nothing changes once it is read, takes 40 ms. Its path is in the texts of errors alone.
 design._parsed = cache(design._parsed)
 

@@ -1,6 +1,5 @@
 """Every form in which the configuration says something of a signal, as the record that it becomes."""
 
-import copy
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -201,7 +200,7 @@ def test_two_messages_of_one_identity_are_refused(folder: Path, monkeypatch: pyt
     """A DBC that says so is refused as a file; other formats are not looked through."""
 
     def doubled(path: Path, encoding: str | None = None) -> Database:
-        database = copy.deepcopy(load_dbc(path, encoding=encoding))
+        database = load_dbc(path, encoding=encoding)
         database.get_message_by_name("Drive").frame_id = 256
         return database
 

@@ -1,6 +1,5 @@
 """The rig speaks a train's own DBC: frames read back by cantools alone, against what the sensors said."""
 
-import copy
 import functools
 import itertools
 from collections.abc import Sequence
@@ -222,7 +221,7 @@ def test_value_beyond_the_range_is_its_end_and_never_the_code_for_no_measurement
 def test_truth_goes_out_beside_unless_the_train_has_its_id() -> None:
     ids = {f.can_id for f in sent([sample(4)], truth=True)}
     assert {0x7A1, 0x7A2} <= ids
-    taken = copy.deepcopy(mapped())
+    taken = mapped()
     taken.database.messages[1].frame_id = 0x7A2
     with pytest.raises(InputError, match=r"Doors .*--no-truth"):
         train(taken).encoder([1, 2])
