@@ -50,6 +50,12 @@ def times_set(frames: Sequence[Frame]) -> Iterator[tuple[int, Frame]]:
         yield times, f
 
 
+def slot_of(f: Frame, cycle_us: int = 20_000) -> int:
+    """The cycle that a protected frame was made for: its counter tells, should it have left late."""
+    ahead = f.stamp_us // cycle_us
+    return ahead - (ahead - (f.data[1] & 0x0F)) % 15
+
+
 def validity(f: Frame) -> int:
     """Of an Adhesion frame."""
     return f.data[1] >> 4
@@ -108,9 +114,9 @@ class Episode:
         return not self._protected or (len(f.data) == 8 and crc(f.data, f.can_id) == f.data[0])
 
     def slot_of(self, f: Frame) -> int:
-        """What a frame of the daemon's was made for: its counter tells, should it have left late."""
-        ahead = f.stamp_us // self.cycles_us[f.key]
-        return ahead - (ahead - (f.data[1] & 0x0F)) % 15 if self._protected else ahead
+        """The cycle that a frame of the daemon's was made for; without a counter the one that it was sent in."""
+        cycle_us = self.cycles_us[f.key]
+        return slot_of(f, cycle_us) if self._protected else f.stamp_us // cycle_us
 
     @cached_property
     def sent(self) -> list[tuple[Slot, Frame]]:

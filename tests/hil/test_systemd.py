@@ -9,10 +9,10 @@ from itertools import pairwise
 
 import pytest
 
+from tests.hil.recording import NOT_AVAILABLE, slot_of, validity
+from tests.hil.unit_recording import PAGE, Recording
 from tests.support.processes import ROOT
 from tests.support.snapshots import assert_kept
-from tests.support.unit_recording import NOT_AVAILABLE, PAGE, Recording, validity
-from tests.support.vcan import slot_of
 from wrcd import __version__
 from wrcd.config.config import DEFAULT
 

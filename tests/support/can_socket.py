@@ -1,4 +1,4 @@
-"""A kernel without CAN: the product's own SocketCAN link, on a datagram socket that stands in for the raw CAN socket."""
+"""A kernel without CAN: the product's own SocketCAN link, on a datagram socket in the place of the raw CAN socket."""
 
 import errno
 import os
@@ -147,4 +147,6 @@ def pair() -> tuple[socket.socket, socket.socket]:
 
 def use_pair(end_fd: int) -> None:
     """From now on the CAN socket of this process is that end, a file descriptor."""
-    socketcan.socket = stand_in(lambda *_: CanSocket(socket.socket(fileno=end_fd)))
+    socketcan.socket = stand_in(  # type: ignore[attr-defined]  # a module's place
+        lambda *_: CanSocket(socket.socket(fileno=end_fd))
+    )

@@ -17,7 +17,9 @@ def own_network() -> tuple[list[str], str]:
     """What begins a command that runs in a network of its own, and how its programs are told of the bus. Skips the test
     where such a network is not to be had."""
     for setup, bus in ((_VCAN, BUS), (_LOOPBACK, MULTICAST)):
-        prefix = [*_NETWORK, f'{setup}; exec "$@"', "sh"]
-        if shutil.which(_NETWORK[0]) and not subprocess.run([*prefix, "true"], capture_output=True, check=False).returncode:
+        prefix = [*_NETWORK, f'{setup} && exec "$@"', "sh"]
+        if shutil.which(_NETWORK[0]) is None:
+            break
+        if subprocess.run([*prefix, "true"], capture_output=True, check=False).returncode == 0:
             return prefix, bus
     pytest.skip("needs a network of its own: unshare (util-linux) and ip (iproute2), and a kernel that lets it")

@@ -81,13 +81,15 @@ def test_own_frame_that_comes_back_is_not_foreign() -> None:
 
 def test_own_frame_that_comes_back_unmarked_is_not_foreign_but_its_double_is(monkeypatch: pytest.MonkeyPatch) -> None:
     """As udp_multicast hands it back; in its place is a virtual bus with a node that repeats what it hears."""
-    with can.Bus("pythoncan-echo", interface="virtual") as ours, can.Bus("pythoncan-echo", interface="virtual") as other:
+    ours, other = (can.Bus("pythoncan-echo", interface="virtual") for _ in range(2))
+    with ours, other:
         monkeypatch.setattr(can, "Bus", lambda **_: ours)
         link = PythonCanLink("udp_multicast", "pythoncan-echo", KEYS)
 
         def comes_back(times: int) -> list[bytes]:
             assert link.send(Frame(now_us(), ADHESION_A1, b"\x07"))
-            assert (sent := other.recv(1.0)) is not None
+            sent = other.recv(1.0)
+            assert sent is not None
             for _ in range(times):
                 other.send(can.Message(arbitration_id=ADHESION_A1, is_extended_id=False, data=sent.data))
             return [f.data for f in link.receive(now_us())]

@@ -267,7 +267,7 @@ def test_failing_option_of_a_leaving_device_is_survived(bus: Bus, link: SocketCa
 
 def test_missing_device_is_a_bus_error_with_advice(bus: Bus) -> None:
     bus.is_there = False
-    with pytest.raises(BusError, match="'vcan77' cannot be opened: No such device .*ip link add vcan77") as caught:
+    with pytest.raises(BusError, match=r"'vcan77' cannot be opened: No such device .*ip link add vcan77") as caught:
         SocketCanLink("vcan77", None)
     assert caught.value.status == 3
 

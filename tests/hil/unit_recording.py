@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import pytest
 
+from tests.hil.recording import VALID, validity
 from tests.support.pages import run_by
 from tests.support.processes import ROOT
 from wrcd.bus.frame import Frame
@@ -17,13 +18,8 @@ from wrcd.logs.damage import Damage
 from wrcd.logs.reader import read_log
 
 FOREVER_US = 1 << 62
-VALID, NOT_AVAILABLE = 1, 0
 BLOCKS = run_by("tests/hil/test_systemd.py", "docs/how-to/install-on-train.md")
 PAGE = [command.replace("@can0", "@vcan0") for block in BLOCKS for command in block.commands]
-
-
-def validity(frame: Frame) -> int:
-    return frame.data[1] >> 4
 
 
 class Line(NamedTuple):
