@@ -19,7 +19,7 @@ from tests.support.trial_kind import HANGS_S, figures, lines, meanwhile
 from wrcd.errors import InputError
 
 WAIT_S = 60.0
-LIMIT_S = 2.0
+LIMIT_S = 5.0
 
 
 @pytest.fixture(scope="module", name="_two")
