@@ -52,7 +52,7 @@ def times_set(frames: Sequence[Frame]) -> Iterator[tuple[int, Frame]]:
 
 def slot_of(f: Frame, cycle_us: int = 20_000) -> int:
     """The cycle that a protected frame was made for: its counter tells, should it have left late."""
-    ahead = f.stamp_us // cycle_us
+    ahead = f.stamp_us // cycle_us + 1  # a daemon that stops is one ahead
     return ahead - (ahead - (f.data[1] & 0x0F)) % 15
 
 
@@ -138,10 +138,19 @@ class Episode:
             out.setdefault((can_id, times), []).append(slot)
         return out
 
-    def missing(self, since_us: int) -> int:
-        """How many frames of slots after a moment were not sent."""
-        after = {of: [s for s in slots if s * self.cycles_us[of[0]] >= since_us] for of, slots in self.slots.items()}
-        return sum(b - a - 1 for slots in after.values() for a, b in pairwise(slots))
+    def missing(self, since_us: int) -> list[int]:
+        """How many frames of slots after a moment were not sent: up to each slot that the daemon may have come to before
+        it stopped."""
+        ends = range(self.slots[ADHESION_A1, 0][-1] + 1, slot_of(self.last[0]) + 1)
+        return [self._missing(since_us, end * 20_000) for end in ends]
+
+    def _missing(self, since_us: int, end_us: int) -> int:
+        missing = 0
+        for (can_id, _), slots in self.slots.items():
+            cycle_us = self.cycles_us[can_id]
+            after = [s for s in slots if s * cycle_us >= since_us]
+            missing += sum(b - a - 1 for a, b in pairwise([*after, -(-end_us // cycle_us)]))
+        return missing
 
     def of(self, can_id: int) -> list[Frame]:
         """A message's frames among those that were sent."""
@@ -198,5 +207,8 @@ class Replayed:
     def _closed(self, episode: Episode, f: Frame) -> list[Outgoing]:
         cycle_us = episode.cycles_us[f.key]
         until_us = episode.slot_of(f) * cycle_us
-        silent = cycle_us == min(episode.cycles_us.values()) and until_us - self.core.newest_us > SILENT_US
-        return self.core.advance(until_us) if silent else []
+        if cycle_us != min(episode.cycles_us.values()) or until_us - self.core.newest_us <= SILENT_US:
+            return []
+        since_us = self.core.time_us or until_us
+        steps = range(since_us, until_us, SILENT_US) if until_us - since_us < FORTH_US else ()  # else the clock was set
+        return [o for at_us in (*steps, until_us) for o in self.core.advance(at_us)]

@@ -56,7 +56,7 @@ def test_every_slot_is_sent_or_counted_as_left_out(name: str) -> None:
     unsent = e.told(WRCD_LINK, "Unsent") - e.told(WRCD_LINK, "Unsent", since_us)
     valid = [validity(f) == VALID for f in e.of(ADHESION_A1)]
     print(f"{name}: {len(e.sent)} frames, {left_out} left out; {sum(valid)} of {len(valid)} of axle 1 Valid")
-    assert (e.missing(since_us) - left_out - unsent) % 256 == 0
+    assert 0 in {(missing - left_out - unsent) % 256 for missing in e.missing(since_us)}
 
 
 @pytest.mark.parametrize("name", [n for n in OF_SLOTS if n != "lost"])  # of which nobody knows what the kernel lost
