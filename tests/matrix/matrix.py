@@ -76,8 +76,8 @@ class Verdict:
 
 
 def judge(
-    must: Must, begin_us: int, end_us: int, sent: Sequence[SentAdhesion], without: Mapping[int, float],
-) -> Verdict:  # fmt: skip
+    must: Must, begin_us: int, end_us: int, sent: Sequence[SentAdhesion], without: Mapping[int, float]
+) -> Verdict:
     """Judge the frames of an axle from a fault's begin on, beside MuAvailable without the fault, by slot."""
     sent = [s for s in sent if s.stamp_us > begin_us]
     left = next((s.stamp_us for s in sent if not s.valid), None)

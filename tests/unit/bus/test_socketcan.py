@@ -161,8 +161,9 @@ def test_frames_wait_in_the_kernel_for_one_slot_only(bus: Bus, link: SocketCanLi
 def test_link_that_asks_for_no_confirmation_does_not_wait_for_earlier_frames(bus: Bus) -> None:
     """A rig's sensors: what an earlier sample has left in the queue holds nothing of the next one back."""
     link = SocketCanLink("can7", (YAW_RATE_A1,), confirm=False)
+    assert all(link.send(adhesion(slot)) for slot in range(2))
     bus.newest.holds_frames = True
-    assert all(link.send(adhesion(slot)) for slot in range(4))
+    assert all(link.send(adhesion(slot)) for slot in range(2, 5))
     bus.newest.holds_frames = False
     assert link.receive(NOW) == []  # nothing comes back of what is sent
 

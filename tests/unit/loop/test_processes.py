@@ -3,6 +3,7 @@ figures of a stop are judged in lockstep."""
 
 import json
 import os
+import re
 import subprocess
 from pathlib import Path
 
@@ -27,9 +28,9 @@ SCRIPT = """
 trap 'kill $logs $daemon $controller 2>/dev/null; wait' EXIT
 python -m can.logger {bus} -f bus.log >/dev/null 2>&1 & logs=$!
 {daemon} --config one.toml 2>daemon & daemon=$!
-until grep -q ' {adhesion:03X}#' bus.log; do sleep .1; done
+until grep -q ' {adhesion:03X}#' bus.log; do kill -0 $daemon; sleep .1; done
 {controller} --config one.toml 2>controller & controller=$!
-until grep -q DriverDemand controller; do sleep .1; done
+until grep -q DriverDemand controller; do kill -0 $controller; sleep .1; done
 {drive} --json out.json
 kill $controller
 wait $controller
@@ -67,3 +68,6 @@ def test_three_processes_of_the_page_drive_to_the_end(tmp_path: Path) -> None:
     assert {ADHESION_A1, YAW_RATE_A1, DEMAND_A1} <= set(ids)
     # the controller demands nothing before it has heard the driver
     assert ids.index(DRIVER_DEMAND) < ids.index(DEMAND_A1)
+    told = re.search(r"stopped; (\d+) frames accepted, rejected: none;", (tmp_path / "daemon").read_text())
+    assert told is not None
+    assert int(told[1]) > 0
