@@ -139,8 +139,7 @@ class Episode:
         return out
 
     def missing(self, since_us: int) -> list[int]:
-        """How many frames of slots after a moment were not sent: up to each slot that the daemon may have come to before
-        it stopped."""
+        """How many frames of slots after a moment were not sent, up to each slot that the daemon may have come to."""
         ends = range(self.slots[ADHESION_A1, 0][-1] + 1, slot_of(self.last[0]) + 1)
         return [self._missing(since_us, end * 20_000) for end in ends]
 
