@@ -100,7 +100,7 @@ def test_every_format_gives_the_adhesion_of_the_candump_log(suffix: str, folder:
 
 
 def test_library_for_mdf_is_loaded_for_a_log_in_mdf_alone(tmp_path: Path) -> None:
-    """In a process of its own: it takes half of the time that a program needs to start."""
+    """In a process of its own: here something else may have loaded it."""
     (tmp_path / "short.toml").write_text(SCENARIO)
     code = """if True:
         import sys
