@@ -3,7 +3,6 @@
 import re
 from collections.abc import Iterator, Sequence
 from functools import cache, cached_property
-from itertools import pairwise
 
 import pytest
 
@@ -139,7 +138,7 @@ class Episode:
         return out
 
     def missing(self, since_us: int) -> list[int]:
-        """How many frames of slots after a moment were not sent, up to each slot that the daemon may have come to."""
+        """How many frames of slots from a moment on were not sent, up to each slot that the daemon may have come to."""
         ends = range(self.slots[ADHESION_A1, 0][-1] + 1, slot_of(self.last[0]) + 1)
         return [self._missing(since_us, end * 20_000) for end in ends]
 
@@ -147,8 +146,8 @@ class Episode:
         missing = 0
         for (can_id, _), slots in self.slots.items():
             cycle_us = self.cycles_us[can_id]
-            after = [s for s in slots if s * cycle_us >= since_us]
-            missing += sum(b - a - 1 for a, b in pairwise([*after, -(-end_us // cycle_us)]))
+            first, end = -(-since_us // cycle_us), -(-end_us // cycle_us)
+            missing += end - first - sum(s >= first for s in slots)
         return missing
 
     def of(self, can_id: int) -> list[Frame]:

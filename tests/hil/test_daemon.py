@@ -106,16 +106,6 @@ def test_sigterm_ends_it_with_frames_that_say_so(name: str) -> None:
         assert e.last[-1].data[1] >> 4 & 3 == 3
 
 
-def test_valid_estimate_meets_the_truth() -> None:
-    """Whatever is called Valid, from a window after the wanted creep is held."""
-    e = recorded("axles")
-    until_us = e.mark("played dry")
-    held = [f for f in e.of(ADHESION_A1) if until_us - 1_500_000 < f.stamp_us < until_us and validity(f) == VALID]
-    shown = [int.from_bytes(f.data[2:4], "little") * 0.01 for f in held]
-    print(f"{len(shown)} of 75 Valid, {min(shown, default=0):.1f} to {max(shown, default=0):.1f} %")
-    assert all(abs(mu - 38.4) < 3.0 for mu in shown)
-
-
 def test_silence_of_the_sensors_is_no_step_of_time() -> None:
     """Three seconds without a frame of theirs: NotAvailable at every slot."""
     e = recorded("axles")
