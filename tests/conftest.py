@@ -53,10 +53,11 @@ dbc._parse = _parse_once  # type: ignore[assignment]  # any file's, as an object
 # A design, which nothing changes once it is read, takes 40 ms. Its path is in the texts of errors alone.
 design._parsed = cache(design._parsed)
 
-# In the background of a script SIGINT is ignored, here and in every process that a test starts: one that waits for the
-# end by Ctrl-C would wait for ever.
-if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
-    signal.signal(signal.SIGINT, signal.default_int_handler)
+# In the background of a script SIGINT is ignored, and after nohup SIGHUP, here and in every process that a test starts:
+# one that waits for the end by them would wait for ever.
+for number, usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
+    if signal.getsignal(number) is signal.SIG_IGN:
+        signal.signal(number, usual)
 
 
 # What needs a tool that this computer lacks is skipped; with NO_SKIPS=1, as in CI, it fails. On a native bus tests are
