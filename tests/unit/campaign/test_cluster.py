@@ -196,6 +196,7 @@ def test_scheduler_that_goes_away_is_said_and_this_computer_goes_on(write: Write
     assert rows(out)["seed"].tolist() == list(range(1, 11))
 
 
+@pytest.mark.night  # after other tests Dask's thread did not start within its 10 s, twice; alone it does
 def test_address_without_a_scheduler_is_told(
     write: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
