@@ -12,6 +12,8 @@
 # make deb    a Debian package with its libraries inside: build/deb
 # make bench  what wrcd costs on this computer, against another checkout too (BEFORE=DIR); a minute, asserts nothing
 # make mutants   whether the tests notice changed code in validity and E2E; an hour, see tests/mutants.md
+# where Python is told to write no bytecode, each program that a test starts compiles wrcd anew, and each worker all tests
+unexport PYTHONDONTWRITEBYTECODE
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -31,7 +33,7 @@ vcan:
 Makefile: ;
 else
 
-.PHONY: demo pictures test lint check night corpus unit hil faults systemd fuzz soak coverage bench mutants format design score docs lock audit clean deb
+.PHONY: demo pictures test lint check night corpus unit hil systemd fuzz soak coverage bench mutants format design score docs lock audit clean deb
 
 demo: $(READY)
 	$(BIN)/sim-ecu demo
@@ -46,20 +48,21 @@ unit: export OMP_NUM_THREADS = 1
 unit: $(READY)
 	$(BIN)/python -m pytest -n auto --maxprocesses=8 --dist=worksteal --durations=5 -rs
 
-# vcan of this kernel where it has one, else of a throw-away guest kernel. GUEST_TIMEOUT ends one that hangs; it judges no time
+# A script records what the daemon does on vcan, of this kernel where it has one, else of a throw-away guest kernel; then
+# the recording is judged here. GUEST_TIMEOUT ends a guest that hangs; it judges no time
 hil: $(READY)
-	GUEST_TIMEOUT=3600 tests/hil/guest/run --native-ok -- $(BIN)/python -m pytest $(HIL) \
-	    tests/hil/test_vcan.py tests/hil/test_link_*.py tests/hil/test_load.py tests/hil/test_monitor.py \
-	    tests/hil/test_contract.py tests/hil/test_loop.py
+	$(BIN)/python -m tests.hil.prepare build/hil/play
+	rm -rf build/hil/vcan
+	-PATH=$(CURDIR)/$(BIN):$$PATH GUEST_OUT=build/hil/vcan GUEST_TIMEOUT=1800 tests/hil/guest/run --native-ok -- \
+	    tests/hil/vcan.sh $(CURDIR)/build/hil/play
+	$(BIN)/python -m pytest $(HIL) tests/hil/test_daemon.py tests/hil/test_link.py
 
-# every fault of the matrix against the real daemon; its table is printed
-faults: $(READY)
-	GUEST_TIMEOUT=3600 tests/hil/guest/run -- $(BIN)/python -m pytest $(HIL) tests/hil/test_faults.py
-
+# records in a guest, and judges here; a guest that dies leaves a recording that fails
 systemd: $(READY)
 	tests/hil/unit-env
-	GUEST_TIMEOUT=3600 tests/hil/guest/run --systemd -- $(BIN)/python -m pytest $(HIL) tests/hil/test_install.py \
-	    tests/hil/test_systemd.py
+	rm -rf build/hil/systemd
+	-GUEST_OUT=build/hil/systemd GUEST_TIMEOUT=1800 tests/hil/guest/run --systemd -- tests/hil/systemd.sh
+	$(BIN)/python -m pytest $(HIL) tests/hil/test_systemd.py
 
 # build/deb/wrcd_VERSION_ARCH.deb, for the system's python3; no root
 deb: $(READY)
@@ -100,9 +103,10 @@ soak: $(READY)
 coverage: $(READY)
 	rm -rf build/coverage
 	mkdir -p build/coverage/guest
+	$(BIN)/python -m tests.hil.prepare build/hil/play
 	$(BIN)/coverage run -m pytest --durations=5
-	GUEST_OUT=build/coverage/guest GUEST_TIMEOUT=900 tests/hil/guest/run -- sh -c \
-	    'COVERAGE_FILE=$$OUT/data exec $(BIN)/coverage run -m pytest $(HIL) tests/hil/test_link_*.py tests/hil/test_vcan.py'
+	PATH=$(CURDIR)/$(BIN):$$PATH GUEST_OUT=build/coverage/guest GUEST_TIMEOUT=1800 tests/hil/guest/run -- \
+	    env WRCD="coverage run --rcfile=$(CURDIR)/pyproject.toml -m wrcd.cli" tests/hil/vcan.sh $(CURDIR)/build/hil/play
 	$(BIN)/coverage combine -q build/coverage build/coverage/guest
 	$(BIN)/coverage report --fail-under=95
 

@@ -33,7 +33,7 @@ SETTLE_S, TRAFFIC_S, WAIT_S = 3.0, 10.0, 60.0
 THIS, BEFORE = "this", "before"
 COMMAND = "import sys; from wrcd.cli.main import main; status = main(sys.argv[1:])"
 AND_MEMORY = "; open('status', 'w').write(open('/proc/self/status').read()); sys.exit(status)"
-ON_PAIR = "from tests.support.socket_pair import use_pair; use_pair({}); " + COMMAND
+ON_PAIR = "from tests.support.can_socket import use_pair; use_pair({}); " + COMMAND
 
 
 def main() -> int:
@@ -220,7 +220,7 @@ class Daemon:
 
 def running(_: dict[str, Path]) -> Iterator[str]:
     """The daemon of this tree on four axles' frames in real time, over a pair of sockets in the place of a CAN bus."""
-    from tests.support.socket_pair import pair
+    from tests.support.can_socket import pair
     from tests.support.stretch import START_US, frames
     from wrcd.bus.rawcan import FRAME
 

@@ -6,6 +6,7 @@ import os
 import pickle
 import signal
 from collections.abc import Generator, Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -17,6 +18,7 @@ from tests.support.scenarios import LogOf
 from wrcd import native
 from wrcd.bus import dbc
 from wrcd.config.settings import parse_toml
+from wrcd.estimator import design
 from wrcd.estimator.estimator import Estimator
 from wrcd.estimator.native_estimator import CompiledEstimator
 
@@ -48,11 +50,14 @@ def _parse_once(text: str) -> object:
 
 
 dbc._parse = _parse_once  # type: ignore[assignment]  # any file's, as an object that is pickled
+# A design, which nothing changes once it is read, takes 40 ms. Its path is in the texts of errors alone.
+design._parsed = cache(design._parsed)
 
-# In the background of a script SIGINT is ignored, here and in every process that a test starts: one that waits for the
-# end by Ctrl-C would wait for ever.
-if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
-    signal.signal(signal.SIGINT, signal.default_int_handler)
+# In the background of a script SIGINT is ignored, and after nohup SIGHUP, here and in every process that a test starts:
+# one that waits for the end by them would wait for ever.
+for number, usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
+    if signal.getsignal(number) is signal.SIG_IGN:
+        signal.signal(number, usual)
 
 
 # What needs a tool that this computer lacks is skipped; with NO_SKIPS=1, as in CI, it fails. On a native bus tests are

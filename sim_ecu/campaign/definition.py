@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
-from scipy.stats import qmc
 
 from sim_ecu.campaign.kind import WORDS, Factor, Job, Kind, Scalar, Type
 from sim_ecu.campaign.kinds.drive import DRIVE
@@ -139,7 +138,12 @@ def _drawn(varied: Mapping[str, FactorValues], method: str, count: int, draw: in
             yield dict(zip(varied, values, strict=True))
         return
     rng, n = np.random.default_rng(draw), len(varied)
-    shares = rng.random((count, n)) if method == RANDOM else qmc.LatinHypercube(n, rng=rng).random(count)
+    if method == RANDOM:
+        shares = rng.random((count, n))
+    else:
+        from scipy.stats import qmc  # half a second, here and in every worker
+
+        shares = qmc.LatinHypercube(n, rng=rng).random(count)
     for row in shares.tolist():
         yield {name: spread.at(share) for (name, spread), share in zip(varied.items(), row, strict=True)}
 

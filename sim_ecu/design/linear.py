@@ -5,10 +5,8 @@ The errata are in docs/explanation/vehicle.md."""
 from dataclasses import dataclass
 
 import numpy as np
-from filterpy.common import van_loan_discretization
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
-from scipy.signal import freqz_sos
 
 from sim_ecu.physics.contact import CreepCurve, peak, traction_ratio
 from sim_ecu.physics.wheelset import GRAVITY, Bogie, Wheelset
@@ -136,6 +134,8 @@ class Gains:
         W (2, 2) whitens them.
         The integral over all frequencies of the filter's transfer function from a measurement to its innovations.
         """
+        from scipy.signal import freqz_sos  # takes half a second, as filterpy does: only who makes a design pays
+
         w = np.pi * (np.arange(FREQUENCIES) + 0.5) / FREQUENCIES
         _, band = freqz_sos(lowpass, worN=w)
         forgets = self.Phi @ (np.eye(len(self.Phi)) - self.K @ self.H)
@@ -149,6 +149,8 @@ def steady_state(
     w: Wheelset, point: Point, speed_m_s: float, tick_s: float, sensor_noise: tuple[float, float]
 ) -> Gains:
     """Kalman gain of a model at a speed. sensor_noise: rms per sample, gyro (rad/s) and accelerometer (m/s2)."""
+    from filterpy.common import van_loan_discretization
+
     g11, g22 = slope_and_secant(w, point.curve, point.creep_of_peak, speed_m_s)
     A, G, H = model(w, g11, g22, speed_m_s)
     Phi, Q = van_loan_discretization(A, G * np.array(point.noise), tick_s)

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, ellip
 
 from sim_ecu.design.cases import Plan, Progress
 from sim_ecu.design.features import Features, Steps, features, quietly
@@ -135,6 +134,8 @@ def rule_base(brief: Brief, data: Features) -> RuleBase:
 
 def bank(brief: Brief) -> dict[str, Any]:
     """Inputs, versions and the bank's matrices over a grid of speeds (evenly spaced in the logarithm)."""
+    from scipy.signal import butter, ellip
+
     lo, hi = brief.speed_range
     speeds = _short(lo * (hi / lo) ** (np.arange(brief.grid) / (brief.grid - 1)), 6)
     sensors = SENSOR_SETS[brief.plan.sensors]

@@ -7,7 +7,6 @@ nothing; only what clips and rectifies and what is made at the inner rate does, 
 """
 
 import numpy as np
-from scipy.signal import butter, sosfilt, sosfilt_zi
 
 from sim_ecu.physics.axlebox import FRAME_SHARE, AxleBox, AxleBoxStream
 from sim_ecu.physics.sensors import BOGIE_FRAME, FloatArray, Sampling, SensorSet
@@ -42,6 +41,8 @@ class InertialStream:
         self._box = AxleBoxStream(box.times(FRAME_SHARE) if on_frame else box, self._inner_s, rng, track_rng)
         self._sos: FloatArray | None = None
         if sensors.sampling is not None:
+            from scipy.signal import butter  # half a second, and needed by sensors with a sampling of their own alone
+
             self._sos = butter(sensors.sampling.order, sensors.sampling.corner_hz, fs=rate_hz, output="sos")
         self._state: FloatArray | None = None  # of the low-pass (sections, 2, 2)
         self._past: FloatArray | None = None  # the newest PAST samples at the inner rate
@@ -68,6 +69,8 @@ class InertialStream:
 
     def _sampled(self, felt: FloatArray, vibration: FloatArray, first: FloatArray, sampling: Sampling) -> FloatArray:
         """Clip, rectify and low-pass the inner samples; the low-pass begins as if the first had always been."""
+        from scipy.signal import sosfilt, sosfilt_zi
+
         limit = sampling.range_m_s2
         self.clipped += int(np.count_nonzero(np.abs(felt[:, 1]) > limit))
         felt[:, 1] = np.clip(felt[:, 1], -limit, limit)

@@ -76,11 +76,9 @@ class Verdict:
 
 
 def judge(
-    must: Must, begin_us: int, end_us: int, sent: Sequence[SentAdhesion], without: Mapping[int, float],
-    slack_ms: float = 0.0, slack_pp: float = 0.0,
-) -> Verdict:  # fmt: skip
-    """Judge the frames of an axle from a fault's begin on, beside MuAvailable without the fault, by slot. The slacks
-    are for a bus whose clock is not virtual."""
+    must: Must, begin_us: int, end_us: int, sent: Sequence[SentAdhesion], without: Mapping[int, float]
+) -> Verdict:
+    """Judge the frames of an axle from a fault's begin on, beside MuAvailable without the fault, by slot."""
     sent = [s for s in sent if s.stamp_us > begin_us]
     left = next((s.stamp_us for s in sent if not s.valid), None)
     back = next((s.stamp_us for s in sent if s.valid and left is not None and s.stamp_us > max(end_us, left)), None)
@@ -99,32 +97,32 @@ def judge(
     )
     wrong = ""
     if isinstance(must, Leaves):
-        wrong = _left(must, verdict, slack_ms)
+        wrong = _left(must, verdict)
         if any(s.valid for s in sent if left is not None and left < s.stamp_us <= end_us):
             wrong = wrong or "Valid during the fault"
         if any(not s.valid for s in sent if back is not None and s.stamp_us > back):
             wrong = wrong or "not Valid for good afterwards"
     elif isinstance(must, Stays):
-        wrong = _stayed(must, verdict, slack_pp)
+        wrong = _stayed(must, verdict)
     elif isinstance(must, Found):
-        until_us = begin_us + round((must.within_ms + slack_ms) * 1000)
+        until_us = begin_us + round(must.within_ms * 1000)
         late = any(s.valid for s in sent if until_us < s.stamp_us <= end_us)
         return replace(verdict, back_ms=None, settled_pp=None, wrong="not found out" if late else "")
-    if verdict.settled_pp is None or verdict.settled_pp > SETTLED_PP + slack_pp:
+    if verdict.settled_pp is None or verdict.settled_pp > SETTLED_PP:
         wrong = wrong or "not itself again"
     return replace(verdict, wrong=wrong)
 
 
-def _left(must: Leaves, v: Verdict, slack_ms: float) -> str:
-    if v.left_ms is None or v.left_ms > must.within_ms + slack_ms:
+def _left(must: Leaves, v: Verdict) -> str:
+    if v.left_ms is None or v.left_ms > must.within_ms:
         return "Valid for too long"
-    return "not Valid again in time" if v.back_ms is None or v.back_ms > must.back_ms + slack_ms else ""
+    return "not Valid again in time" if v.back_ms is None or v.back_ms > must.back_ms else ""
 
 
-def _stayed(must: Stays, v: Verdict, slack_pp: float) -> str:
+def _stayed(must: Stays, v: Verdict) -> str:
     if v.left_ms is not None:
         return "not Valid throughout"
-    return "changed too much" if v.change_pp is None or v.change_pp > must.within_pp + slack_pp else ""
+    return "changed too much" if v.change_pp is None or v.change_pp > must.within_pp else ""
 
 
 HEAD = (

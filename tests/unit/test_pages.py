@@ -15,20 +15,16 @@ import signal
 import subprocess
 import sys
 import time
-from functools import cache
 from pathlib import Path
 
 import pytest
 
+from tests.support.own_network import BUS, own_network
 from tests.support.pages import ROOT, Block, blocks, pages
 from tests.support.processes import BIN
 
 TIMEOUT_S = 300  # of a page, on a busy computer
 END_S = 10  # for what it leaves in the background
-BUS, MULTICAST = "-i socketcan -c vcan0", "-i udp_multicast -c 239.74.163.2"
-NETWORK = ["unshare", "--map-root-user", "--net"]
-VCAN = "ip link add vcan0 type vcan && ip link set vcan0 up"
-LOOPBACK = "ip link set lo up && ip route add 224.0.0.0/4 dev lo"
 FOLDERS = ("README.md", "docs/tutorial/", "docs/how-to/")
 NAMES = [p.relative_to(ROOT).as_posix() for p in pages()]
 # What has ended in the background must have ended well. bash forgets what it has not been asked to remember.
@@ -46,30 +42,19 @@ def to_run(page: str) -> list[Block]:
     return [b for b in blocks(ROOT / page) if b.skip is None]
 
 
+# their commands start a scheduler and its workers several times; tests/unit/campaign has the same commands in process
+CAMPAIGNS = ("docs/how-to/judge-a-fleets-logs.md", "docs/how-to/run-a-campaign.md")
 PAGES = [n for n in NAMES if n.startswith(FOLDERS) and to_run(n)]
-
-
-@cache
-def has_vcan() -> bool:
-    """Whether the kernel has vcan. Skips the test where a network of its own is not to be had."""
-    lacks = shutil.which(NETWORK[0]) is None
-    if lacks or subprocess.run([*NETWORK, "sh", "-c", LOOPBACK], capture_output=True, check=False).returncode:
-        pytest.skip("needs a network of its own: unshare (util-linux) and ip (iproute2), and a kernel that lets it")
-    return subprocess.run([*NETWORK, "sh", "-c", VCAN], capture_output=True, check=False).returncode == 0
 
 
 def script(steps: list[Block]) -> tuple[list[str], str]:
     """What runs bash, and what bash runs: each block after a line that names it."""
     lines = ["set -euo pipefail", "jobs=", CHECK]
-    on_a_bus = any(BUS in step.body for step in steps)
-    bus = BUS
-    if on_a_bus:
-        bus, network = (BUS, VCAN) if has_vcan() else (MULTICAST, LOOPBACK)
-        lines.append(network)
+    network, bus = own_network() if any(BUS in step.body for step in steps) else ([], BUS)
     for step in steps:
         body = step.body.replace(BUS, bus)
         lines += [f"echo {shlex.quote(f'-- {step.name}')}", BACKGROUND.sub(REMEMBER, body), "check"]
-    return NETWORK if on_a_bus else [], "\n".join(lines)
+    return network, "\n".join(lines)
 
 
 def furnish(folder: Path) -> None:
@@ -127,7 +112,7 @@ def run(steps: list[Block], folder: Path) -> None:
         raise AssertionError(f"{at.name}: {why}\n{at.body}\nsays\n{said.rpartition(f'-- {at.name}')[2][-4000:]}")
 
 
-@pytest.mark.parametrize("page", PAGES)
+@pytest.mark.parametrize("page", [pytest.param(p, marks=pytest.mark.night if p in CAMPAIGNS else ()) for p in PAGES])
 def test_shell_blocks_of_a_page_run(page: str, tmp_path: Path) -> None:
     run(to_run(page), tmp_path)
 

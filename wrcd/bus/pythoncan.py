@@ -1,5 +1,6 @@
 """Every other interface, through python-can."""
 
+from collections import deque
 from typing import Any
 
 import can
@@ -11,6 +12,8 @@ from wrcd.errors import BusError
 
 # A stamp further than this from the wall clock is in the interface's own time: the time of reception replaces it.
 FOREIGN_CLOCK_US = 100_000
+# Interfaces that hand back what was sent here, like a frame of somebody else's; and how many may be on their way.
+ECHOING, MAX_ECHOES = {"udp_multicast"}, 256
 
 
 def from_message(m: can.Message, stamp_us: int) -> Frame:
@@ -59,6 +62,7 @@ class PythonCanLink(Link):
         self.health = LinkHealth()
         self._keys = None if keys is None else frozenset(keys)
         self._own: set[int] = set()  # keys of the frames sent here
+        self._echoes = deque[tuple[int, bytes]](maxlen=MAX_ECHOES if interface in ECHOING else 0)
         self._bus = open_bus(interface, channel, user_settings=user_settings, **options)
 
     def receive(self, now_us: int) -> list[Frame]:
@@ -74,13 +78,19 @@ class PythonCanLink(Link):
             stamp_us = round(message.timestamp * 1e6)
             frame = from_message(message, stamp_us if abs(stamp_us - now_us) <= FOREIGN_CLOCK_US else now_us)
             if frame.key in self._own and not frame.remote:
-                if not message.is_rx:  # our own, come back
+                if not message.is_rx or self._is_echo(frame):  # our own, come back
                     continue
                 self.health.foreign(frame.key)
             elif self._keys is not None and frame.key not in self._keys:
                 continue
             frames.append(frame)
         return frames
+
+    def _is_echo(self, frame: Frame) -> bool:
+        if (sent := (frame.key, frame.data)) not in self._echoes:
+            return False
+        self._echoes.remove(sent)
+        return True
 
     def _get(self) -> can.Message | None:
         try:
@@ -101,6 +111,7 @@ class PythonCanLink(Link):
             self.health.unsent += 1
             return False
         self._own.add(frame.key)
+        self._echoes.append((frame.key, frame.data))
         return True
 
     def close(self) -> None:

@@ -191,7 +191,7 @@ def filters_stable(Phi: FloatArray, K: FloatArray, H: FloatArray) -> bool:
 def load_design(path: Path) -> Design:
     """Read and check a design file. Raises InputError: missing, malformed, wrong checksum, wrong shape."""
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        return _parsed(path.read_text(encoding="utf-8"), path)
     except FileNotFoundError:
         raise NotThere("no such design file", file=path, hint="make one with `sim-ecu design -o FILE`") from None
     except json.JSONDecodeError as e:
@@ -200,7 +200,10 @@ def load_design(path: Path) -> Design:
         raise NotThere(f"cannot be read: {e.strerror}", file=path, hint="check your rights and the disk") from None
     except (ValueError, RecursionError) as e:
         raise InputError(f"cannot be read: {e}", file=path) from None
-    return parse_design(document, path)
+
+
+def _parsed(text: str, file: Path) -> Design:
+    return parse_design(json.loads(text), file)
 
 
 def parse_design(document: Any, file: Path | str) -> Design:

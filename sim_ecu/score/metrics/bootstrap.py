@@ -17,7 +17,7 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import binom, norm, t
+from scipy.special import bdtr, ndtr, stdtrit  # scipy.stats takes half a second to load
 
 from sim_ecu.reporting.values import Figure
 
@@ -90,7 +90,7 @@ class Draws:
             return Figure(value, value, value, self.n, count)
         if len(known) < REPLICATES / 2:
             return Figure(value, math.nan, math.nan, self.n, count)
-        least = float(t.ppf(ENDS[1], self.n - 1))
+        least = float(stdtrit(self.n - 1, ENDS[1]))
         below, above = np.quantile(known, further_out(self.n))
         return Figure(
             value, value - error * max(least, float(above)), value - error * min(-least, float(below)), self.n, count
@@ -99,7 +99,7 @@ class Draws:
 
 def further_out(runs: int) -> tuple[float, float]:
     """Which quantiles of what drawing so many runs again gives are the ends of a 90 % interval."""
-    end = float(norm.cdf(-math.sqrt(runs / (runs - 1)) * t.ppf(ENDS[1], runs - 1)))
+    end = float(ndtr(-math.sqrt(runs / (runs - 1)) * stdtrit(runs - 1, ENDS[1])))
     return end, 1.0 - end
 
 
@@ -174,7 +174,8 @@ def median(values: FloatArray) -> Figure:
         return NOTHING
     n = len(values)
     ordered = np.sort(values)
-    beyond = int(binom.ppf(ENDS[0], n, 0.5))  # the most that may lie beyond an end, and one more
+    # the most that may lie beyond an end, and one more
+    beyond = int(np.searchsorted(bdtr(np.arange(n + 1), n, 0.5), ENDS[0]))
     low, high = (float(ordered[beyond - 1]), float(ordered[-beyond])) if beyond else (math.nan, math.nan)
     return Figure(float(np.median(values)), low, high, n, n)
 

@@ -1,18 +1,16 @@
-"""Frames in one piece of memory, and the link that takes and sends many a system call, over a pair of sockets."""
+"""Frames in one piece of memory, and the link that takes and sends many a system call, on a local socket."""
 
-import socket
 from collections.abc import Iterator
 from itertools import islice
 
 import pytest
 
 from tests.support.can_ids import ADHESION_A1, YAW_RATE_A1
-from tests.support.socket_pair import PairLink
+from tests.support.can_socket import CHANNEL, CanBus
 from tests.support.stretch import frames
 from wrcd.bus import socketcan
-from wrcd.bus.batch import FrameBatch, word_of
+from wrcd.bus.batch import FrameBatch
 from wrcd.bus.frame import Frame
-from wrcd.bus.rawcan import FRAME
 from wrcd.native import library
 
 NOW = 1_700_000_000_000_000
@@ -38,38 +36,32 @@ def test_batch_rejects_can_fd() -> None:
         FrameBatch.of([*KINDS, Frame(NOW, 0x101, bytes(12), fd=True)])
 
 
-class Pair:
-    """The link and the far end."""
+class Ends(CanBus):
+    """The link, and what is behind its socket."""
 
-    def __init__(self, kind: type) -> None:
+    def __init__(self, kind: type, monkeypatch: pytest.MonkeyPatch) -> None:
+        super().__init__()
         self.kind = kind  # what it hands over
-        end, self.far = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)  # its queue can be full
-        self.link = PairLink(end)
-
-    def send(self, every: list[Frame]) -> None:
-        for f in every:
-            self.far.send(FRAME.pack(word_of(f), f.extra if f.remote else len(f.data), f.data))
-
-    def close(self) -> None:
-        self.link.close()
-        self.far.close()
+        monkeypatch.setattr(socketcan, "socket", self.module)
+        self.link = socketcan.SocketCanLink(CHANNEL, None)
 
 
 @pytest.fixture(params=[FrameBatch, list], ids=["many a call", "one by one"])
-def ends(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[Pair]:
+def ends(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[Ends]:
     if request.param is list:
         monkeypatch.setattr(socketcan, "library", lambda: None)
     elif library() is None:
         pytest.skip("the library was not built")
-    made = Pair(request.param)
+    made = Ends(request.param, monkeypatch)
     yield made
+    made.link.close()
     made.close()
 
 
-def test_link_hands_over_every_kind_of_frame_and_notes_what_it_tells(ends: Pair) -> None:
+def test_link_hands_over_every_kind_of_frame_and_notes_what_it_tells(ends: Ends) -> None:
     link = ends.link
     assert link.send(Frame(NOW, ADHESION_A1, b"\x07"))  # from now on it is its own
-    ends.send(KINDS)
+    ends.send(*KINDS)
     got = link.receive_batch(NOW)
     assert type(got) is ends.kind
     stamps = [f.stamp_us for f in got]
@@ -83,32 +75,32 @@ def test_link_hands_over_every_kind_of_frame_and_notes_what_it_tells(ends: Pair)
     assert states == ["Up", "BusOff", "Up"]  # a frame proves that the controller is on the bus
 
 
-def state_after(ends: Pair, sent: list[Frame]) -> str:
-    ends.send(sent)
+def state_after(ends: Ends, sent: list[Frame]) -> str:
+    ends.send(*sent)
     assert len(ends.link.receive_batch(NOW)) == len(sent)
     return ends.link.health.state
 
 
-def test_link_takes_more_than_one_call_brings(ends: Pair) -> None:
+def test_link_takes_more_than_one_call_brings(ends: Ends) -> None:
     every = list(islice(frames(), 150))
-    ends.send(every)
+    ends.send(*every)
     assert [(f.can_id, f.data) for f in ends.link.receive_batch(NOW)] == [(f.can_id, f.data) for f in every]
     assert list(ends.link.receive_batch(NOW)) == []
 
 
-def test_frames_that_come_before_a_slot_has_left_are_handed_over_with_the_others(ends: Pair) -> None:
+def test_frames_that_come_before_a_slot_has_left_are_handed_over_with_the_others(ends: Ends) -> None:
     link = ends.link
     assert link.send(Frame(NOW, ADHESION_A1, b"\x07"))
-    ends.send(KINDS[:2])
+    ends.send(*KINDS[:2])
     assert link.send(Frame(NOW + 20_000, ADHESION_A1, b"\x07"))  # it looks whether the first has left
-    ends.send(KINDS[2:4])
+    ends.send(*KINDS[2:4])
     got = link.receive_batch(NOW)
     assert type(got) is ends.kind
     assert [(f.can_id, f.data) for f in got] == [(f.can_id, f.data) for f in KINDS[:4]]
     assert len(link.receive_batch(NOW)) == 0
 
 
-def test_link_sends_a_slot_and_counts_what_the_queue_does_not_take(ends: Pair) -> None:
+def test_link_sends_a_slot_and_counts_what_the_queue_does_not_take(ends: Ends) -> None:
     slot = [Frame(NOW, ADHESION_A1 + k % 4, bytes([k % 256, k // 256])) for k in range(1_000)]
     went = ends.link.send_all(slot)
     sent = went.index(False)
@@ -116,8 +108,7 @@ def test_link_sends_a_slot_and_counts_what_the_queue_does_not_take(ends: Pair) -
     assert sent > 64
     assert ends.link.health.unsent == 1_000 - sent
     assert ends.link.health.state == "Up"
-    got = [FRAME.unpack(ends.far.recv(16, socket.MSG_DONTWAIT)) for _ in range(sent)]
-    assert [(word, data[:length]) for word, length, data in got] == [(f.can_id, f.data) for f in slot[:sent]]
+    assert ends.sent() == [(f.can_id, f.data) for f in slot[:sent]]
     assert ends.link.send_all(slot[:3]) == [True] * 3
     ends.far.close()
     assert ends.link.send_all(slot[:3]) == [False] * 3

@@ -2,20 +2,21 @@
 
 import random
 import struct
+from collections.abc import Iterator
 from typing import Any
 
 import can
 import e2e.p11
 import pytest
 
+from tests.support.can_socket import CHANNEL, CanBus
 from tests.support.dbc import database
-from tests.support.socket_pair import PairLink, pair
+from wrcd.bus import socketcan
 from wrcd.bus.candump import format_line
 from wrcd.bus.codec import Receiver, Sample
 from wrcd.bus.dbc import find_message
 from wrcd.bus.frame import Frame
 from wrcd.bus.opening import open_link
-from wrcd.bus.rawcan import FD_FRAME, FRAME
 from wrcd.bus.reasons import Reason
 from wrcd.bus.signals import Source
 from wrcd.bus.units import Quantity
@@ -89,35 +90,35 @@ def test_short_fd_frame_is_read() -> None:
     assert receiver().read(Frame(0, 801, b"\xc4\x09\0\0", fd=True)) == [Sample(3, 25.0)]
 
 
+@pytest.fixture
+def bus(monkeypatch: pytest.MonkeyPatch) -> Iterator[CanBus]:
+    made = CanBus()
+    monkeypatch.setattr(socketcan, "socket", made.module)
+    yield made
+    made.close()
+
+
 @pytest.mark.parametrize("fd", [True, False])
-def test_link_takes_fd_frames_among_classical_ones_where_they_are_wanted(fd: bool) -> None:
-    ours, theirs = pair()
-    link = PairLink(ours, fd)
+def test_link_takes_fd_frames_among_classical_ones_where_they_are_wanted(bus: CanBus, fd: bool) -> None:
+    link = socketcan.SocketCanLink(CHANNEL, None, fd)
     data = imu(1, 2, 3, 0)
-    for _ in range(2):
-        theirs.send(FRAME.pack(0x101, 5, b"12345\0\0\0"))
-        if fd:  # else the kernel keeps them back
-            theirs.send(FD_FRAME.pack(1 << 31 | IMU_ID, len(data), 0, data))
-            theirs.send(FD_FRAME.pack(0x321, 12, 0, bytes(range(12))))
+    classical = Frame(0, 0x101, b"12345")
+    long = [Frame(0, IMU_ID, data, extended=True, fd=True), Frame(0, 0x321, bytes(range(12)), fd=True)]
+    bus.send(*2 * [classical, *long])
     frames = link.receive(1)
     kinds = [(f.can_id, f.data, f.extended, f.fd) for f in frames]
-    classical = (0x101, b"12345", False, False)
-    long = [(IMU_ID, data, True, True), (0x321, bytes(range(12)), False, True)] if fd else []
-    assert kinds == 2 * [classical, *long]
+    expected = [(f.can_id, f.data, f.extended, f.fd) for f in [classical, *(long if fd else [])]]
+    assert kinds == 2 * expected
     assert all(f.stamp_us > 1_600_000_000_000_000 for f in frames)
     link.close()
-    theirs.close()
 
 
-def test_link_keeps_the_bits_of_fd_frames_and_the_length_of_remote_ones() -> None:
-    ours, theirs = pair()
-    link = PairLink(ours, True)
-    theirs.send(FD_FRAME.pack(0x321, 12, 0b101, bytes(range(12))))
-    theirs.send(FRAME.pack(1 << 30 | 0x123, 4, bytes(8)))
+def test_link_keeps_the_bits_of_fd_frames_and_the_length_of_remote_ones(bus: CanBus) -> None:
+    link = socketcan.SocketCanLink(CHANNEL, None, True)
+    bus.send(Frame(0, 0x321, bytes(range(12)), fd=True, extra=0b101), Frame(0, 0x123, b"", remote=True, extra=4))
     lines = [format_line(f, "can0").split(" ", 2)[2] for f in link.receive(1)]
     assert lines == ["321##1000102030405060708090A0B", "123#R4"]
     link.close()
-    theirs.close()
 
 
 def test_python_can_is_opened_for_fd_where_it_is_wanted(monkeypatch: pytest.MonkeyPatch) -> None:

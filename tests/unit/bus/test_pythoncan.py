@@ -79,6 +79,25 @@ def test_own_frame_that_comes_back_is_not_foreign() -> None:
     link.close()
 
 
+def test_own_frame_that_comes_back_unmarked_is_not_foreign_but_its_double_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As udp_multicast hands it back; in its place is a virtual bus with a node that repeats what it hears."""
+    ours, other = (can.Bus("pythoncan-echo", interface="virtual") for _ in range(2))
+    with ours, other:
+        monkeypatch.setattr(can, "Bus", lambda **_: ours)
+        link = PythonCanLink("udp_multicast", "pythoncan-echo", KEYS)
+
+        def comes_back(times: int) -> list[bytes]:
+            assert link.send(Frame(now_us(), ADHESION_A1, b"\x07"))
+            sent = other.recv(1.0)
+            assert sent is not None
+            for _ in range(times):
+                other.send(can.Message(arbitration_id=ADHESION_A1, is_extended_id=False, data=sent.data))
+            return [f.data for f in link.receive(now_us())]
+
+        assert [comes_back(times) for times in (1, 2, 1)] == [[], [b"\x07"], []]
+        assert link.health.foreign_by_key == {ADHESION_A1: 1}
+
+
 def test_stamp_of_a_foreign_clock_is_replaced(ends: Ends) -> None:
     ends.send(YAW_RATE_A1)
     assert ends.link.receive(now_us() + 3_600_000_000)[0].stamp_us > now_us() + 3_500_000_000

@@ -3,6 +3,7 @@
 import errno
 import socket
 import struct
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -26,6 +27,27 @@ def link(kind: int, name: bytes, flags: int = 0) -> bytes:
 
 def test_present_state_is_the_first_event() -> None:
     events = LinkEvents("lo")
+    assert events.read() == [LinkEvent.UP]
+    assert events.read() == []
+    events.close()
+
+
+class Overrun(socket.socket):
+    """The kernel has had no room in it for all that it had to say."""
+
+    said = False
+
+    def recvfrom(self, *sizes: Any) -> Any:
+        if not self.said:
+            self.said = True
+            raise OSError(errno.ENOBUFS, "No buffer space available")
+        return super().recvfrom(*sizes)
+
+
+def test_lost_messages_are_asked_for_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(socket, "socket", Overrun)
+    events = LinkEvents("lo")
+    assert events.read() == [LinkEvent.UP]  # of the opening; and that some are lost
     assert events.read() == [LinkEvent.UP]
     assert events.read() == []
     events.close()

@@ -189,6 +189,7 @@ def test_worker_that_is_killed_loses_nothing(write: Write, tmp_path: Path) -> No
     assert (len(counts), sum(counts.values())) == (12, 13)
 
 
+@pytest.mark.night
 def test_runs_that_die_or_hang_are_named_and_the_campaign_goes_on(
     write: Write, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -201,7 +202,7 @@ def test_runs_that_die_or_hang_are_named_and_the_campaign_goes_on(
     assert "  too long: x = 1, act = hang, seed = 3: not done within 5 s\n" in said
 
 
-@pytest.mark.parametrize("signal_", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("signal_", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.night)])
 def test_signal_ends_it_and_the_same_command_goes_on(
     write: Write, tmp_path: Path, signal_: signal.Signals, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -222,6 +223,7 @@ def test_signal_ends_it_and_the_same_command_goes_on(
     assert len(rows(out)) == 8
 
 
+@pytest.mark.night
 def test_full_disk_is_said_and_the_same_command_goes_on(write: Write, tmp_path: Path) -> None:
     out = tmp_path / "out"
     file = write("seeds = 3", factor="x = [1]")

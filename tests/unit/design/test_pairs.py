@@ -121,8 +121,8 @@ def test_evidence_counts_as_far_as_sound_pairs_stay_unaccused() -> None:
     prior = np.r_[0.0, np.full(s - 1, np.log(1e-4))]
     model = HealthModel(np.zeros(FEATURES), np.ones(FEATURES), hidden, np.zeros(1), out, np.zeros(s), np.zeros(s),
                         prior, 0.97, 1e-6)  # fmt: skip
-    x = -np.ones((400, 400, FEATURES))
-    honest = tempers([(model, [watched(x, np.zeros((400, 400)))])])[PairState.REVERSED]
+    x = -np.ones((100, 400, FEATURES))
+    honest = tempers([(model, [watched(x, np.zeros((100, 400)))])])[PairState.REVERSED]
     x[:, : max(1, round(10 * ACCUSED * 400)), 0] = 1.0  # of so many sound pairs it says that they are reversed
-    misled = tempers([(model, [watched(x, np.zeros((400, 400)))])])[PairState.REVERSED]
+    misled = tempers([(model, [watched(x, np.zeros((100, 400)))])])[PairState.REVERSED]
     assert 0.0 <= misled < honest

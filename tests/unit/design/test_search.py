@@ -198,6 +198,7 @@ per_speed = 2
 
 
 @pytest.mark.usefixtures("jobs_here")
+@pytest.mark.night
 def test_search_writes_a_brief_that_is_no_worse_than_its_start_and_the_same_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -66,7 +66,7 @@ def newest(e: Estimator, z: FloatArray, ratio: float = RATIO) -> Estimate:
 
 
 def test_a_track_is_not_doubted(design: Design) -> None:
-    doubts = [int(e.doubt[0]) for e in estimates(Estimator(design, 1), track(20.0))][PER_S // EVERY :]
+    doubts = [int(e.doubt[0]) for e in estimates(Estimator(design, 1), track(12.0))][PER_S // EVERY :]
     assert np.mean(np.array(doubts) == EstimateDoubt.NONE) > 0.98
 
 
@@ -125,7 +125,7 @@ def test_estimate_with_many_pulses_is_doubted(design: Design) -> None:
 
 def test_gains_do_not_toggle_with_the_speeds_noise(design: Design) -> None:
     """Near an edge of the old steps of 0.1 m/s the innovations are those of a constant speed."""
-    z = track(12.0)
+    z = track(6.0)
     noise = np.repeat(0.005 * np.random.default_rng(2).standard_normal(len(z) // 4), 4)
     runs = []
     for more in (np.zeros(len(z)), noise):
@@ -141,7 +141,7 @@ def test_gains_do_not_toggle_with_the_speeds_noise(design: Design) -> None:
 
 def test_lost_measurement_moves_the_estimate_by_little(design: Design) -> None:
     """At no moment of the seconds after it: the answer does not hop from one window to another."""
-    z = track(24.0)
+    z = track(12.0)
     lossy = np.array(z)
     lossy[3 * PER_S :: 3 * PER_S, 0] = np.nan
     runs = [list(estimates(Estimator(design, 1), x)) for x in (z, lossy)]

@@ -121,7 +121,7 @@ class Pair:
 )  # fmt: skip
 def test_engines_agree_on_fuzzed_ticks(library: ctypes.CDLL, name: str, axles: int) -> None:
     pair = Pair(Estimator(designs_once()[name], axles), CompiledEstimator(library, designs_once()[name], axles))
-    pair.run(Train(axles, 30 + axles).steps(2500), 17)
+    pair.run(Train(axles, 30 + axles).steps(1500), 17)
     assert pair.reference.outliers > 0
     assert name == "paper" or pair.large < 0.7 * pair.estimates
 

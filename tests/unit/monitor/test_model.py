@@ -133,7 +133,7 @@ def test_events_have_the_causes_of_a_story(config: Config, made: DaemonFrames, r
     """However the frames come: those of a short state have no cause, and never that of an older one."""
     random = np.random.default_rng(7)
     frames, at_us = [], 0
-    while at_us < 60_000_000:
+    while at_us < 30_000_000:
         valid = bool(random.integers(2))
         end_us = at_us + 20_000 * int(random.integers(1, 30))
         cause = "None" if valid else str(random.choice(["Harsh", "InputStale", "TooLittleData"]))

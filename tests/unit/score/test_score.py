@@ -270,6 +270,7 @@ def test_the_report_has_every_figure(small: list[Trace]) -> None:
     assert judge(small, SOURCE, "drops")["suites"].keys() == {"drops"}
 
 
+@pytest.mark.usefixtures("jobs_here")
 def test_score_command_writes_tables_and_json(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
