@@ -21,6 +21,7 @@ from typing import Any, Generic, TypeVar
 
 import dask
 import distributed
+from distributed.comm import resolve_address
 from distributed.scheduler import KilledWorker
 
 import wrcd.bus.can_without_mdf  # noqa: F401  # in a worker, too
@@ -132,6 +133,7 @@ def cluster(address: str) -> Iterator[Workers]:
         logging.getLogger(name).setLevel(logging.CRITICAL)  # who runs reports what is lost
     with dask.config.set(DASK):
         try:
+            resolve_address(address)  # of one that is none a client would be left half made, and lock the next one out
             client = distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
         except (OSError, ValueError):
             hint = "tcp://HOST:PORT, as `dask scheduler` prints it"
