@@ -40,8 +40,6 @@ MODULES = {
 
 def explained(command: Callable[[], int]) -> int:
     """Run a command of the rig. Raises InputError that names the extra where a package of it is missing."""
-    import wrcd.bus.can_without_mdf  # noqa: F401  # before any other loads python-can
-
     try:
         return command()
     except ModuleNotFoundError as e:

@@ -24,7 +24,6 @@ import distributed
 from distributed.comm import resolve_address
 from distributed.scheduler import KilledWorker
 
-import wrcd.bus.can_without_mdf  # noqa: F401  # in a worker, too
 from sim_ecu.jobs.digests import code
 from wrcd.errors import InputError, Status
 

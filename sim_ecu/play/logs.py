@@ -10,7 +10,6 @@ import can
 
 from sim_ecu.play.mapped import Train
 from sim_ecu.play.scenario import Scenario
-from wrcd.bus.can_without_mdf import prepare
 from wrcd.bus.candump import format_line
 from wrcd.bus.pythoncan import from_message
 from wrcd.errors import InputError
@@ -80,7 +79,6 @@ def open_logger(log: Path) -> Iterator[can.Listener]:
 
 
 def _writer(log: Path) -> can.Listener:
-    prepare(log_suffix(log))
     if log.suffix.lower() == ".log":
         return CandumpWriter(log)
     if log_suffix(log) != ".asc":

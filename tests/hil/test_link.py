@@ -11,7 +11,7 @@ from wrcd.bus.rawcan import MAX_ERRORS
 from wrcd.logs.damage import Damage
 from wrcd.logs.reader import read_log
 
-BUS_ERROR, BUS_OFF = 0x80, 0x40  # classes of error frames
+BUS_OFF = 0x40  # a class of error frames
 STATES = {
     "the CAN link is up": "up", "the CAN link is down": "down", "the CAN device is gone": "gone",
     "the CAN controller is error-passive": "passive", "the CAN controller is bus-off": "off",

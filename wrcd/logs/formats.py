@@ -9,7 +9,6 @@ from typing import IO, cast
 import can
 from can.io.generic import BinaryIOMessageReader, MessageReader, TextIOMessageReader
 
-from wrcd.bus.can_without_mdf import prepare
 from wrcd.bus.frame import Frame
 from wrcd.bus.pythoncan import from_message
 from wrcd.errors import InputError
@@ -49,7 +48,6 @@ class _BlfReader(can.BLFReader):
 
 
 def _reader(path: Path, suffix: str, file: IO[bytes]) -> MessageReader:
-    prepare(suffix)
     kind = _BlfReader if suffix == ".blf" else can.io.MESSAGE_READERS.get(suffix)
     if kind is not None and issubclass(kind, TextIOMessageReader):
         # every byte is a character: only frames count, and they are ASCII

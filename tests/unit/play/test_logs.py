@@ -1,8 +1,6 @@
 """Logs of `sim-ecu play`: in every format that a logger writes they hold all frames and replay to the same adhesion, or
 they are refused before the first."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -97,19 +95,3 @@ def test_every_format_gives_the_adhesion_of_the_candump_log(suffix: str, folder:
     assert main(["play", str(folder / "run.toml"), "--fast", "--log", str(log)]) == 0
     assert frames(log) == frames(folder / "a.log")
     assert adhesion(log) == of_the_candump_log
-
-
-def test_library_for_mdf_is_loaded_for_a_log_in_mdf_alone(tmp_path: Path) -> None:
-    """In a process of its own: here something else may have loaded it."""
-    (tmp_path / "short.toml").write_text(SCENARIO)
-    code = """if True:
-        import sys
-        from sim_ecu.cli.main import main
-        for log in ("a.log", "b.mf4"):
-            assert main(["play", "short.toml", "--fast", "--log", log]) == 0
-            print({"asammdf", "pandas", "scipy.stats", "scipy.signal"} & set(sys.modules) != set())
-    """
-    command = [sys.executable, "-c", code]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=60, check=True)
-    assert done.stdout.split() == ["False", "True"]
-    assert frames(tmp_path / "b.mf4") == frames(tmp_path / "a.log")
