@@ -60,8 +60,8 @@ for number, usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHU
         signal.signal(number, usual)
 
 
-# What needs a tool that this computer lacks is skipped; with NO_SKIPS=1, as in CI, it fails. On a native bus tests are
-# rightly left out that only a kernel to throw away may try.
+# What needs a tool that this computer lacks is skipped; with NO_SKIPS=1, as in CI, it fails. On a native bus a test
+# is rightly left out that only a kernel to throw away may try.
 MAY_SKIP = Path(__file__).parent / "hil"
 
 

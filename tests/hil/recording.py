@@ -12,7 +12,6 @@ from tests.support.processes import ROOT
 from wrcd.bus.candump import parse_line
 from wrcd.bus.e2e import crc
 from wrcd.bus.frame import Frame
-from wrcd.bus.signals import Output
 from wrcd.config.config import load_config
 from wrcd.core.core import Core
 from wrcd.core.messages import Outgoing
@@ -68,13 +67,11 @@ class Episode:
         self.name, self._folder = name, RECORDED / name
         self.config = load_config(PLAYED / configuration if configuration else None)
         outputs = [o for a in self.config.axles for o in (a.adhesion, a.detail, a.inputs)]
-        cycles = {o.message: o.cycle_us for o in (*outputs, *self._of_daemon()) if o is not None}
+        outputs += [self.config.status, self.config.rejects, self.config.link]
+        cycles = {o.message: o.cycle_us for o in outputs if o is not None}
         self.cycles_us = {key: cycles[name] for key, name in sent_messages(self.config).items()}
         self._protected = self.config.status is not None  # by CRC and counter, as the packaged DBC has it
         self._foreign = {(f.can_id, f.data) for f in (played(foreign) if foreign else ())}
-
-    def _of_daemon(self) -> tuple[Output | None, ...]:
-        return self.config.status, self.config.rejects, self.config.link
 
     def read(self, file: str) -> str:
         """Of a file in its folder."""

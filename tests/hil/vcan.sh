@@ -228,4 +228,5 @@ wait $peer
 exec 7>&-
 rm "$OUT/orders"
 
+[ "${GUEST-}" = uml ] || ip link del vcan1
 echo done >"$OUT/done"

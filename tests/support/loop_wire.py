@@ -14,6 +14,13 @@ from wrcd.bus.frame import Frame
 from wrcd.bus.link import Link, LinkHealth
 from wrcd.config.settings import parse_toml
 
+SHORT = """
+title = "full braking from 12 m/s on greasy rail"
+duration_s = 1.0
+speed_m_s = 12
+rail = [{ curve = "E" }]
+driver = { demand = -1.0 }
+"""
 STOP = "emergency-greasy"  # the stop of docs/how-to/close-the-loop.md
 # Demands that act at once, a sample late, and half a cycle and a sample late.
 TIMINGS = (Timing(), Timing(delay_us=5000), Timing(phase_us=5000, delay_us=5000))

@@ -17,17 +17,9 @@ from sim_ecu.loop.bus_end import End, open_end
 from sim_ecu.loop.control.adhesion_consumer import Unprotected
 from sim_ecu.loop.control.control_on_bus import InputWatch, OnBus
 from sim_ecu.loop.drive_scenario import load_drive_scenario
-from tests.support.loop_wire import KeptLines
+from tests.support.loop_wire import SHORT, KeptLines
 from wrcd.logs.damage import Damage
 from wrcd.logs.reader import read_log
-
-SHORT = """
-title = "full braking from 12 m/s on greasy rail"
-duration_s = 1.0
-speed_m_s = 12
-rail = [{ curve = "E" }]
-driver = { demand = -1.0 }
-"""
 
 
 @pytest.fixture

@@ -8,6 +8,7 @@ import subprocess
 from pathlib import Path
 
 from tests.support.can_ids import ADHESION_A1, YAW_RATE_A1
+from tests.support.loop_wire import SHORT
 from tests.support.own_network import own_network
 from tests.support.pages import run_by
 from tests.support.processes import BIN
@@ -16,13 +17,6 @@ from wrcd.logs.damage import Damage
 from wrcd.logs.reader import read_log
 
 DEMAND_A1, DRIVER_DEMAND = 0x141, 0x131
-SHORT = """
-title = "full braking from 12 m/s on greasy rail"
-duration_s = 2.0
-speed_m_s = 12
-rail = [{ curve = "E" }]
-driver = { demand = -1.0 }
-"""
 # Each in its turn, as on the page; what is started here is ended here, should one of them fail
 SCRIPT = """
 trap 'kill $logs $daemon $controller 2>/dev/null; wait' EXIT
