@@ -39,8 +39,9 @@ def test_script_and_daemon_came_to_their_end(name: str) -> None:
 
 @pytest.mark.parametrize("name", OF_SLOTS)
 def test_no_slot_is_sent_twice_or_out_of_its_order(name: str) -> None:
-    e = recorded(name)
-    assert {of: slots for of, slots in e.slots.items() if slots != sorted(set(slots))} == {}
+    """But for the first frame after the clock was set, which may have been made before."""
+    judged = {of: slots[of[1] > 0 :] for of, slots in recorded(name).slots.items()}
+    assert {of: slots for of, slots in judged.items() if slots != sorted(set(slots))} == {}
 
 
 @pytest.mark.parametrize("name", [n for n in OF_SLOTS if n != "busoff"])  # where the clock is set, slots are left out
