@@ -28,7 +28,9 @@ EPISODES: dict[str, tuple[str | None, str | None]] = {
     "busoff": (None, None),
 }  # fmt: skip
 SILENT_US = 50_000  # so long without an input it was the clock that closed the ticks
-BACK_US, FORTH_US = 300_000, 60_000_000  # stamps that jump by more tell of a clock that was set: slots may come again
+# Stamps that jump by more tell of a clock that was set, where it was: slots may come again, and a frame that was made
+# before may leave after it. No pause is longer than the other.
+JUMP_US, PAUSE_US = 300_000, 60_000_000
 # a message's id, the number of the cycle that a frame was made for, how often the clock was set before
 Slot = tuple[int, int, int]
 
@@ -37,15 +39,6 @@ Slot = tuple[int, int, int]
 def played(name: str) -> list[Frame]:
     """A log that was played."""
     return [f for f, _ in read_log(PLAYED / f"{name}.log", Damage())]
-
-
-def times_set(frames: Sequence[Frame]) -> Iterator[tuple[int, Frame]]:
-    """Each frame, and how often the clock was set before it."""
-    times, before_us = 0, frames[0].stamp_us
-    for f in frames:
-        times += not -BACK_US <= f.stamp_us - before_us <= FORTH_US
-        before_us = f.stamp_us
-        yield times, f
 
 
 def slot_of(f: Frame, cycle_us: int = 20_000) -> int:
@@ -114,10 +107,18 @@ class Episode:
         cycle_us = self.cycles_us[f.key]
         return slot_of(f, cycle_us) if self._protected else f.stamp_us // cycle_us
 
+    def times_set(self, frames: Sequence[Frame]) -> Iterator[tuple[int, Frame]]:
+        """Each of these frames, and how often the clock was set before it."""
+        is_set, times, before_us = any(what.startswith("stepped") for what, _ in self.marks), 0, frames[0].stamp_us
+        for f in frames:
+            times += is_set and abs(f.stamp_us - before_us) > JUMP_US
+            before_us = f.stamp_us
+            yield times, f
+
     @cached_property
     def sent(self) -> list[tuple[Slot, Frame]]:
         """The daemon's frames but for the last of each message, which say that it stops."""
-        every = [((f.can_id, self.slot_of(f), times), f) for times, f in times_set(self.frames) if self.is_own(f)]
+        every = [((f.can_id, self.slot_of(f), times), f) for times, f in self.times_set(self.frames) if self.is_own(f)]
         return every[: -len(self.last)]
 
     @cached_property
@@ -192,7 +193,7 @@ class Replayed:
     def __init__(self, episode: Episode, frames: Sequence[Frame]) -> None:
         self.core = Core(episode.config)
         self.data: dict[Slot, bytes] = {}
-        for times, f in times_set(frames):
+        for times, f in episode.times_set(frames):
             if f.fd and not self.core.receiver.fd:
                 continue  # its socket lets none in
             made = self._closed(episode, f) if episode.is_own(f) else self.core.feed(f)
@@ -205,5 +206,5 @@ class Replayed:
         if cycle_us != min(episode.cycles_us.values()) or until_us - self.core.newest_us <= SILENT_US:
             return []
         since_us = self.core.time_us or until_us
-        steps = range(since_us, until_us, SILENT_US) if until_us - since_us < FORTH_US else ()  # else the clock was set
+        steps = range(since_us, until_us, SILENT_US) if until_us - since_us < PAUSE_US else ()  # else the clock was set
         return [o for at_us in (*steps, until_us) for o in self.core.advance(at_us)]
