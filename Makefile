@@ -17,7 +17,10 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/ready
 TESTS := $(VENV)/tests
-HIL := -p no:cacheprovider --durations=5
+TOOLS := build/tools/ready
+HIL := -vv -p no:cacheprovider --durations=5
+# after this machine's own
+export PATH := $(PATH):$(CURDIR)/build/tools/bin
 
 ifeq ($(firstword $(MAKECMDGOALS)),vcan)
 # The words after it are no targets of ours. make itself takes VAR=x, splits at blanks and drops a leading ./
@@ -37,7 +40,7 @@ else
 demo: $(READY)
 	$(BIN)/sim-ecu demo
 
-test: $(TESTS)
+test: $(TESTS) $(TOOLS)
 	tests/all-stages
 
 # a process for each core, each with a stretch of the tests: a module's fixtures are made once, or twice. Threads of the
@@ -45,7 +48,7 @@ test: $(TESTS)
 unit: export OPENBLAS_NUM_THREADS = 1
 unit: export OMP_NUM_THREADS = 1
 unit: $(TESTS)
-	$(BIN)/python -m pytest -n auto --maxprocesses=8 --dist=worksteal --durations=5 -rs
+	$(BIN)/python -m pytest -n auto --maxprocesses=8 --dist=worksteal --durations=5 -rs -vv
 
 # vcan of this kernel where it has one, else of a throw-away guest kernel. GUEST_TIMEOUT ends one that hangs; it judges no time
 hil: $(TESTS)
@@ -78,7 +81,7 @@ lint: $(TESTS)
 night: export OPENBLAS_NUM_THREADS = 1
 night: export OMP_NUM_THREADS = 1
 night: $(TESTS)
-	$(BIN)/python -m pytest -n auto --dist=worksteal --durations=5 -m night
+	$(BIN)/python -m pytest -n auto --dist=worksteal --durations=5 -vv -m night
 
 # CORPUS="own reverse" these alone; CORPUS="--write FILE" what this commit gives, for CORPUS="--with FILE" of a later one
 corpus: export OPENBLAS_NUM_THREADS = 1
@@ -177,6 +180,12 @@ $(READY): requirements.lock tests/install.py pyproject.toml setup.py $(wildcard 
 $(TESTS): $(READY) requirements-tests.lock
 	$(BIN)/python tests/install.py requirements-tests.lock
 	@touch $@
+
+# the programs that tests use and this machine lacks; where a C compiler is among them, the library in C, too
+$(TOOLS): $(TESTS) tests/tools tests/data/programs.txt
+	-tests/tools fetch
+	@$(BIN)/python -c 'import sys; from wrcd import native; sys.exit(native.library() is None)' || \
+	    $(BIN)/python -m pip install -q --disable-pip-version-check --no-deps --no-build-isolation -e .
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -10,7 +10,6 @@ import contextlib
 import os
 import re
 import shlex
-import shutil
 import signal
 import subprocess
 import sys
@@ -22,6 +21,7 @@ import pytest
 
 from tests.support.pages import ROOT, Block, blocks, pages
 from tests.support.processes import BIN
+from tests.support.tools import missing
 
 TIMEOUT_S = 300  # of a page, on a busy computer
 END_S = 10  # for what it leaves in the background
@@ -52,9 +52,10 @@ PAGES = [n for n in NAMES if n.startswith(FOLDERS) and to_run(n)]
 @cache
 def has_vcan() -> bool:
     """Whether the kernel has vcan. Skips the test where a network of its own is not to be had."""
-    lacks = shutil.which(NETWORK[0]) is None
-    if lacks or subprocess.run([*NETWORK, "sh", "-c", LOOPBACK], capture_output=True, check=False).returncode:
-        pytest.skip("needs a network of its own: unshare (util-linux) and ip (iproute2), and a kernel that lets it")
+    if lacks := missing("unshare", "ip"):
+        pytest.skip(lacks)
+    if subprocess.run([*NETWORK, "sh", "-c", LOOPBACK], capture_output=True, check=False).returncode:
+        pytest.skip("needs a network of its own; sysctl kernel.unprivileged_userns_clone=1, or be root")
     return subprocess.run([*NETWORK, "sh", "-c", VCAN], capture_output=True, check=False).returncode == 0
 
 
@@ -101,8 +102,8 @@ def end(group: int) -> None:
 
 def run(steps: list[Block], folder: Path) -> None:
     """Run the blocks of a page. Raises AssertionError with page, line, block and output where one fails."""
-    if any("make -C" in step.body for step in steps) and shutil.which("cc") is None:
-        pytest.skip("there is no C compiler")
+    if any("make -C" in step.body for step in steps) and (lacks := missing("gcc")):
+        pytest.skip(lacks)
     furnish(folder)
     network, text = script(steps)
     env = {k: v for k, v in os.environ.items() if not k.startswith("CAN_")}
