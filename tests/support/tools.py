@@ -8,14 +8,15 @@ import pytest
 from wrcd import native
 
 # a program, and the packages of Debian's that bring it
-PROGRAMS = dict(line.split(maxsplit=1) for line in (Path(__file__).parents[1] / "data/programs.txt").open())
+_LIST = Path(__file__).parents[1] / "data/programs.txt"
+PROGRAMS = {program: packages for program, *packages in map(str.split, _LIST.read_text().splitlines())}
 
 
 def missing(*programs: str) -> str:
     """What this machine lacks of them, and what brings it; "" if nothing."""
     lacks = [name for name in programs if shutil.which(name) is None]
-    packages = " ".join(PROGRAMS[name].strip() for name in lacks)
-    return f"{' and '.join(lacks)} missing; apt-get install {packages}" if lacks else ""
+    packages = [package for name in lacks for package in PROGRAMS[name]]
+    return f"{' and '.join(lacks)} missing; apt-get install {' '.join(packages)}" if lacks else ""
 
 
 def missing_library() -> str:

@@ -8,7 +8,7 @@ import pytest
 from tests.support.pages import ROOT
 from tests.support.tools import PROGRAMS, missing
 
-INSTALLED = {package for packages in PROGRAMS.values() for package in packages.split()}
+INSTALLED = {package for packages in PROGRAMS.values() for package in packages}
 ALWAYS = {"make", "python3", "apt"}  # what runs `make test`, and what would bring the rest
 
 
@@ -17,7 +17,7 @@ def test_ci_installs_each_package_that_can_be_missing_and_no_other() -> None:
     stages = (ROOT / "tests/hil/guest/run").read_text() + (ROOT / "tests/all-stages").read_text()
     programs = re.findall(r'"([^"]+)"', " ".join(re.findall(r"\b(?:needs|missing)\((.*?)\)", tests)))
     named = re.findall(r"(?:^|[|&;]) *need \S+ ([a-z0-9-]+)", stages, re.MULTILINE)
-    wanted = {package for program in programs for package in PROGRAMS[program].split()} | set(named)
+    wanted = {package for program in programs for package in PROGRAMS[program]} | set(named)
     assert wanted | ALWAYS == INSTALLED | ALWAYS
     assert "tests/tools missing" in (ROOT / ".ci/run").read_text()
 
