@@ -18,7 +18,11 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/ready
-HIL := -p no:cacheprovider --durations=5
+TESTS := $(VENV)/tests
+TOOLS := build/tools/ready
+HIL := -vv -p no:cacheprovider --durations=5
+# after this machine's own
+export PATH := $(PATH):$(CURDIR)/build/tools/bin
 
 ifeq ($(firstword $(MAKECMDGOALS)),vcan)
 # The words after it are no targets of ours. make itself takes VAR=x, splits at blanks and drops a leading ./
@@ -38,19 +42,19 @@ else
 demo: $(READY)
 	$(BIN)/sim-ecu demo
 
-test: $(READY)
+test: $(TESTS) $(TOOLS)
 	tests/all-stages
 
 # a process for each core, each with a stretch of the tests: a module's fixtures are made once, or twice. Threads of the
 # linear algebra would wait for each other on cores that are taken: a fifth of the processor time.
 unit: export OPENBLAS_NUM_THREADS = 1
 unit: export OMP_NUM_THREADS = 1
-unit: $(READY)
-	$(BIN)/python -m pytest -n auto --maxprocesses=8 --dist=worksteal --durations=5 -rs
+unit: $(TESTS)
+	$(BIN)/python -m pytest -n auto --maxprocesses=8 --dist=worksteal --durations=5 -rs -vv
 
 # A script records what the daemon does on vcan, of this kernel where it has one, else of a throw-away guest kernel; then
 # the recording is judged here. GUEST_TIMEOUT ends a guest that hangs; it judges no time
-hil: $(READY)
+hil: $(TESTS)
 	$(BIN)/python -m tests.hil.prepare build/hil/play
 	rm -rf build/hil/vcan
 	-PATH=$(CURDIR)/$(BIN):$$PATH GUEST_OUT=build/hil/vcan GUEST_TIMEOUT=1800 tests/hil/guest/run --native-ok -- \
@@ -58,49 +62,49 @@ hil: $(READY)
 	$(BIN)/python -m pytest $(HIL) tests/hil/test_daemon.py tests/hil/test_link.py
 
 # records in a guest, and judges here; a guest that dies leaves a recording that fails
-systemd: $(READY)
+systemd: $(TESTS)
 	tests/hil/unit-env
 	rm -rf build/hil/systemd
 	-GUEST_OUT=build/hil/systemd GUEST_TIMEOUT=1800 tests/hil/guest/run --systemd -- tests/hil/systemd.sh
 	$(BIN)/python -m pytest $(HIL) tests/hil/test_systemd.py
 
 # build/deb/wrcd_VERSION_ARCH.deb, for the system's python3; no root
-deb: $(READY)
+deb: $(TESTS)
 	$(BIN)/python systemd/deb/build.py
 
 # docs/leaf-patch.png, docs/monitor.svg and docs/report.png, from rides that are played for them
-pictures: $(READY)
+pictures: $(TESTS)
 	$(BIN)/python -m tests.support.pictures
 
-lint: $(READY)
+lint: $(TESTS)
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
 night: export OPENBLAS_NUM_THREADS = 1
 night: export OMP_NUM_THREADS = 1
-night: $(READY)
-	$(BIN)/python -m pytest -n auto --dist=worksteal --durations=5 -m night
+night: $(TESTS)
+	$(BIN)/python -m pytest -n auto --dist=worksteal --durations=5 -vv -m night
 
 # CORPUS="own reverse" these alone; CORPUS="--write FILE" what this commit gives, for CORPUS="--with FILE" of a later one
 corpus: export OPENBLAS_NUM_THREADS = 1
-corpus: $(READY)
+corpus: $(TESTS)
 	$(BIN)/python -m tests.corpus $(CORPUS)
 
-check: $(READY)
+check: $(TESTS)
 	@failed=0; for stage in lint test; do $(MAKE) $$stage || { failed=2; bad="$$bad $$stage"; }; done; \
 	    for stage in $$bad; do echo "make $$stage FAILED"; done; exit $$failed
 
 EXAMPLES ?= 100000
-fuzz: $(READY)
+fuzz: $(TESTS)
 	EXAMPLES=$(EXAMPLES) FRAMES=1000000 $(BIN)/python -m pytest tests/fuzz --hypothesis-profile=long \
 	    --hypothesis-show-statistics --durations=0
 
 HOURS ?= 24
-soak: $(READY)
+soak: $(TESTS)
 	$(BIN)/python -m tests.soak --hours $(HOURS)
 
-coverage: $(READY)
+coverage: $(TESTS)
 	rm -rf build/coverage
 	mkdir -p build/coverage/guest
 	$(BIN)/python -m tests.hil.prepare build/hil/play
@@ -111,7 +115,7 @@ coverage: $(READY)
 	$(BIN)/coverage report --fail-under=95
 
 # best alone on the computer; the tables of docs/reference/cost.md
-bench: $(READY)
+bench: $(TESTS)
 	$(BIN)/python -m tests.bench $(if $(BEFORE),--before $(BEFORE))
 
 # on a copy of the tree, with a tool that is kept out of the environment; what is left is explained in tests/mutants.md
@@ -122,15 +126,15 @@ mutants: build/mutants/lib/mutmut
 	cd build/mutants/tree && export PYTHONPATH=../lib && $(CURDIR)/$(BIN)/python -m mutmut run && \
 	    $(CURDIR)/$(BIN)/python -m mutmut results
 
-build/mutants/lib/mutmut: $(READY)
+build/mutants/lib/mutmut: $(TESTS)
 	$(BIN)/python -m pip install -q --disable-pip-version-check --target build/mutants/lib mutmut==3.8.1
 
-format: $(READY)
+format: $(TESTS)
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
 # the packaged designs, and the paper's own form, which a score compares the lone wheelset's with; takes minutes
-design: $(READY)
+design: $(TESTS)
 	$(BIN)/sim-ecu design --config multiple-unit -o wrcd/data/designs/multiple-unit.design.json
 	$(BIN)/sim-ecu design --config lone-wheelset -o wrcd/data/designs/lone-wheelset.design.json
 	$(BIN)/sim-ecu design --config lone-wheelset --form paper -o sim_ecu/data/lone-wheelset.paper.design.json
@@ -142,17 +146,18 @@ score: $(READY)
 
 # docs/signs-and-axes.png, and the site of the pages in build/site: a warning or a dead link fails
 SITE := -m sphinx -q -W --keep-going -n -E -c docs . build/site
-docs: $(READY)
+docs: $(TESTS)
 	$(BIN)/python -m tests.support.signs_picture
 	$(BIN)/python $(SITE)
 
 LOCK := build/lock/bin/uv pip compile -q --universal --fork-strategy fewest --python-version 3.11 --generate-hashes --no-emit-index-url --no-emit-find-links --no-annotate --no-header pyproject.toml
 lock: build/lock/bin/uv
-	$(LOCK) --extra dev -o requirements.lock
-	$(LOCK) -c requirements.lock -o requirements-train.lock
+	$(LOCK) --extra dev -o requirements-tests.lock
+	$(LOCK) -c requirements-tests.lock --extra bench --extra report --extra monitor --group set-up -o requirements.lock
+	$(LOCK) -c requirements-tests.lock -o requirements-train.lock
 
 # known weaknesses of the locked packages, asked of the Python Packaging Advisory Database; needs the network
-AUDIT ?= requirements-train.lock requirements.lock
+AUDIT ?= requirements-train.lock requirements.lock requirements-tests.lock
 audit: build/audit/bin/pip-audit
 	build/audit/bin/pip-audit --require-hashes --disable-pip --strict --progress-spinner off $(AUDIT:%=-r %)
 
@@ -165,15 +170,26 @@ build/audit/bin/pip-audit:
 	build/audit/bin/python -m pip install -q --disable-pip-version-check pip-audit
 
 # the library in C is built anew when its sources change
-$(READY): requirements.lock pyproject.toml setup.py $(wildcard wrcd/*/c wrcd/*/c/*)
+$(READY): requirements.lock tests/install.py pyproject.toml setup.py $(wildcard wrcd/*/c wrcd/*/c/*)
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	    { echo "make: $(PYTHON) must be Python 3.11 or newer; say which with make PYTHON=..." >&2; exit 2; }
 	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null || \
 	    { echo "make: $(PYTHON) has no venv module; install Debian's package python3-venv" >&2; exit 2; }
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install -q --disable-pip-version-check --require-hashes -r requirements.lock
+	$(BIN)/python tests/install.py requirements.lock
 	$(BIN)/python -m pip install -q --disable-pip-version-check --no-deps --no-build-isolation -e .
 	@touch $@
+
+# beside it, what only tests and developers need
+$(TESTS): $(READY) requirements-tests.lock
+	$(BIN)/python tests/install.py requirements-tests.lock
+	@touch $@
+
+# the programs that tests use and this machine lacks; where a C compiler is among them, the library in C, too
+$(TOOLS): $(TESTS) tests/tools tests/data/programs.txt
+	-tests/tools fetch
+	@$(BIN)/python -c 'import sys; from wrcd import native; sys.exit(native.library() is None)' || \
+	    $(BIN)/python -m pip install -q --disable-pip-version-check --no-deps --no-build-isolation -e .
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -8,6 +8,7 @@ import signal
 from collections.abc import Generator, Iterator
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -15,6 +16,7 @@ from hypothesis import HealthCheck, settings
 from sim_ecu.play.play import play_to_log
 from sim_ecu.play.scenario import read_scenario
 from tests.support.scenarios import LogOf
+from tests.support.tools import missing_library
 from wrcd import native
 from wrcd.bus import dbc
 from wrcd.config.settings import parse_toml
@@ -76,6 +78,33 @@ def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestR
     return report
 
 
+TOOK: dict[str, dict[str, float]] = {}  # seconds of a test's set-up, call and tear-down
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_report_teststatus(
+    report: pytest.TestReport,
+) -> Generator[None, tuple[str, str, str | tuple[str, dict[str, bool]]], tuple[str, str, Any]]:
+    """Say beside a result how long it took, when it is first told: a run that is killed has then said what it knew."""
+    category, letter, word = yield
+    took = TOOK.setdefault(report.nodeid, {})
+    if report.when in took or not isinstance(word, str) or not word:
+        return category, letter, word
+    took[report.when] = report.duration
+    return category, letter, f"{word} {sum(took.values()):.2f} s"
+
+
+def _ended(_number: int, _frame: object) -> None:
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # make hands on what the group has got already
+    raise KeyboardInterrupt
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Let SIGTERM end a run of several processes as Ctrl-C does, with its failures so far."""
+    if config.getoption("dist", "no") != "no":
+        signal.signal(signal.SIGTERM, _ended)
+
+
 @pytest.fixture(scope="session")
 def log_of(tmp_path_factory: pytest.TempPathFactory) -> LogOf:
     """Plays the text of a scenario into a candump log; the same text gives the same file.
@@ -102,7 +131,7 @@ def library() -> ctypes.CDLL:
     """The compiled library; without one the test is skipped."""
     c = native.library()
     if c is None:
-        pytest.skip(str(native.slow()))
+        pytest.skip(missing_library())
     return c
 
 
@@ -115,7 +144,7 @@ def engine(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> I
         monkeypatch.delenv("WRCD_ENGINE", raising=False)
     native._found.cache_clear()
     if request.param == CompiledEstimator.engine and native.library() is None:
-        pytest.skip(str(native.slow()))
+        pytest.skip(missing_library())
     yield request.param
     monkeypatch.undo()
     native._found.cache_clear()

@@ -1,6 +1,6 @@
 """A headless chromium that ends with its test, and pages that must not complain."""
 
-import os
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -8,7 +8,7 @@ from pathlib import Path
 
 from playwright.sync_api import Browser, Page, sync_playwright
 
-PATH = os.environ.get("CHROMIUM", "/usr/bin/chromium")
+PATH = shutil.which("chromium")
 QUIET = (
     "--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-component-update", "--disable-sync",
 )  # fmt: skip

@@ -11,15 +11,14 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.tools import missing, missing_library
 from wrcd import __version__, native
 from wrcd.cli.main import WRCD
 from wrcd.config.config import DEFAULT
 
 ROOT = Path(__file__).parents[2]
-NEEDS_DPKG = pytest.mark.skipif(
-    shutil.which("dpkg-deb") is None or not Path("/usr/bin/python3").exists() or native.slow() is not None,
-    reason="needs Debian's dpkg-deb, and a compiled estimator",
-)
+LACKS = missing("dpkg-deb", "/usr/bin/python3") or missing_library()
+NEEDS_DPKG = pytest.mark.skipif(bool(LACKS), reason=LACKS)
 
 
 def build(folder: Path, umask: int) -> Path:

@@ -123,7 +123,7 @@ def test_make_target_in_a_page_is_there() -> None:
 
 def test_pre_commit_runs_what_make_lint_runs_and_fetches_nothing() -> None:
     hooks = text(".pre-commit-config.yaml")
-    recipe = text("Makefile").partition("\nlint: $(READY)\n")[2].partition("\n\n")[0]
+    recipe = text("Makefile").partition("\nlint: $(TESTS)\n")[2].partition("\n\n")[0]
     assert re.findall(r"entry: \.venv/bin/(.+)", hooks) == re.findall(r"\$\(BIN\)/(.+)", recipe)
     assert re.findall(r"repo: (.+)", hooks) == ["local"]
     assert set(re.findall(r"language: (.+)", hooks)) == {"system"}

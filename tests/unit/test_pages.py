@@ -10,7 +10,6 @@ import contextlib
 import os
 import re
 import shlex
-import shutil
 import signal
 import subprocess
 import sys
@@ -22,6 +21,7 @@ import pytest
 from tests.support.own_network import BUS, own_network
 from tests.support.pages import ROOT, Block, blocks, pages
 from tests.support.processes import BIN
+from tests.support.tools import missing
 
 TIMEOUT_S = 300  # of a page, on a busy computer
 END_S = 10  # for what it leaves in the background
@@ -86,8 +86,8 @@ def end(group: int) -> None:
 
 def run(steps: list[Block], folder: Path) -> None:
     """Run the blocks of a page. Raises AssertionError with page, line, block and output where one fails."""
-    if any("make -C" in step.body for step in steps) and shutil.which("cc") is None:
-        pytest.skip("there is no C compiler")
+    if any("make -C" in step.body for step in steps) and (lacks := missing("gcc")):
+        pytest.skip(lacks)
     furnish(folder)
     network, text = script(steps)
     env = {k: v for k, v in os.environ.items() if not k.startswith("CAN_")}

@@ -1,7 +1,6 @@
 """The wheel, installed elsewhere, brings what it needs along."""
 
 import os
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -9,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.scenarios import LogOf, held
+from tests.support.tools import missing
 from wrcd import native
 
 ROOT = Path(__file__).parents[2]
@@ -17,8 +17,8 @@ WRCD = "import sys, wrcd; print(wrcd.__file__, file=sys.stderr); from wrcd.cli.m
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    if shutil.which("git") is None:
-        pytest.skip("needs git")
+    if lacks := missing("git"):
+        pytest.skip(lacks)
     folder = tmp_path_factory.mktemp("wheel")
     source = folder / "source"
     # a copy, so that the build leaves nothing in the tree

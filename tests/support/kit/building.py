@@ -8,12 +8,13 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.tools import missing
 from wrcd.kit.write_kit import estimator_kit, kit
 
 HERE = Path(__file__).parent
 WARNINGS = ("-std=c11", "-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-Wpedantic", "-Werror")
 COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)]
-needs_compiler = pytest.mark.skipif(not COMPILERS, reason="there is no C compiler")
+needs_compiler = pytest.mark.skipif(not COMPILERS, reason=missing("gcc"))
 
 
 def written(folder: Path, config_file: Path | None = None, *, estimator: bool = False) -> Path:

@@ -8,6 +8,7 @@ import pytest
 from tests.support.can_ids import ADHESION_A1, YAW_RATE_A1
 from tests.support.can_socket import CHANNEL, CanBus
 from tests.support.stretch import frames
+from tests.support.tools import missing_library
 from wrcd.bus import socketcan
 from wrcd.bus.batch import FrameBatch
 from wrcd.bus.frame import Frame
@@ -51,7 +52,7 @@ def ends(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Ite
     if request.param is list:
         monkeypatch.setattr(socketcan, "library", lambda: None)
     elif library() is None:
-        pytest.skip("the library was not built")
+        pytest.skip(missing_library())
     made = Ends(request.param, monkeypatch)
     yield made
     made.link.close()

@@ -6,14 +6,13 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 from tests.support.processes import ROOT
+from tests.support.tools import needs
 from wrcd import native
 
 SOURCES = sorted((ROOT / "wrcd").glob("*/c/*.c"))
 STRICT = ("-std=c11", "-ffp-contract=off", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-shared", "-fPIC")
-NEEDS_GCC = pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc")
+NEEDS_GCC = needs("gcc")
 TICKS = 600  # of each design and number of axles
 
 

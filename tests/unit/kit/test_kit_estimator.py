@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from tests.support.kit.building import COMPILERS, make, needs_compiler, run_make, written
 from tests.support.kit.trains import odd_train
 from tests.support.pages import ROOT, run_by
+from tests.support.tools import needs
 from wrcd import __version__
 from wrcd.config.config import load_config
 from wrcd.errors import InputError
@@ -23,7 +24,6 @@ from wrcd.kit.estimator import MADE, SOURCES, files_of
 from wrcd.kit.write_kit import estimator_kit
 
 PAGE = "docs/how-to/run-on-an-ecu.md"
-HAS_ARM = shutil.which("arm-linux-gnueabihf-gcc") and shutil.which("qemu-arm")
 SAYS = re.compile(r"800 ticks of (\d) axles, 32 estimates, largest difference (\S+): as the reference\n")
 STACK = re.compile(r"^stack (\d+) bytes; it may be 49152$", re.MULTILINE)
 
@@ -88,7 +88,7 @@ def test_sanitizers_find_nothing(copied: Path) -> None:
     assert SAYS.search(make(copied, "sanitize"))
 
 
-@pytest.mark.skipif(not HAS_ARM, reason="there is no compiler or no qemu for Arm")
+@needs("arm-linux-gnueabihf-gcc", "qemu-arm")
 def test_estimator_says_the_same_on_a_32_bit_arm(copied: Path) -> None:
     (step,) = run_by("tests/unit/kit/test_kit_estimator.py", PAGE)
     (command,) = step.commands

@@ -2,7 +2,6 @@
 
 import os
 import re
-import shutil
 import subprocess
 import sys
 import time
@@ -12,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.daemon_frames import GOOD, DaemonFrames
+from tests.support.tools import missing
 from wrcd.bus.candump import format_line
 from wrcd.core.configuration import Config
 
@@ -61,8 +61,8 @@ class Terminal:
 
 @pytest.fixture
 def terminal(tmp_path: Path) -> Iterator[Terminal]:
-    if shutil.which("tmux") is None:
-        pytest.skip("there is no tmux; install Debian's package tmux")
+    if lacks := missing("tmux"):
+        pytest.skip(lacks)
     found = Terminal(tmp_path)
     yield found
     found.close()

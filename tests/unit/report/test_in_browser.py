@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.support.chromium import PATH, Opened, chromium, opened
+from tests.support.chromium import Opened, chromium, opened
 from tests.support.story_columns import BEGIN_US, synthetic
+from tests.support.tools import needs
 from wrcd.report import report_page
 
 SECONDS, AXLES = 60.0, 2
@@ -33,7 +34,7 @@ def fits(found: Opened, width: int) -> None:
     assert found.page.evaluate("document.documentElement.scrollWidth") <= width
 
 
-@pytest.mark.skipif(not Path(PATH).exists(), reason=f"there is no {PATH}; install Debian's package chromium")
+@needs("chromium")
 def test_report_is_drawn_zooms_explains_and_fits_a_narrow_screen(tmp_path: Path) -> None:
     file, two = tmp_path / "report.html", tmp_path / "two.html"
     story = synthetic(SECONDS, AXLES)

@@ -1,0 +1,29 @@
+"""Programs that some tests need, and the line that brings each."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from wrcd import native
+
+# a program, and the packages of Debian's that bring it
+_LIST = Path(__file__).parents[1] / "data/programs.txt"
+PROGRAMS = {program: packages for program, *packages in map(str.split, _LIST.read_text().splitlines())}
+
+
+def missing(*programs: str) -> str:
+    """What this machine lacks of them, and what brings it; "" if nothing."""
+    lacks = [name for name in programs if shutil.which(name) is None]
+    packages = [package for name in lacks for package in PROGRAMS[name]]
+    return f"{' and '.join(lacks)} missing; apt-get install {' '.join(packages)}" if lacks else ""
+
+
+def missing_library() -> str:
+    """What brings the compiled library, or why there is none; "" where there is one."""
+    return "" if native.slow() is None else missing("gcc") or str(native.slow())
+
+
+def needs(*programs: str) -> pytest.MarkDecorator:
+    """Skip a test where one of these is missing."""
+    return pytest.mark.skipif(bool(missing(*programs)), reason=missing(*programs))
