@@ -45,8 +45,8 @@ demo: $(READY)
 test: $(TESTS) $(TOOLS)
 	tests/all-stages
 
-# a process for each core, each with a stretch of the tests: a module's fixtures are made once, or twice. Threads of the
-# linear algebra would wait for each other on cores that are taken: a fifth of the processor time.
+# a process for each core and one more, each with a stretch of the tests: few of a module's fixtures are made twice.
+# Threads of the linear algebra would wait for each other on cores that are taken: a fifth of the processor time.
 unit: export OPENBLAS_NUM_THREADS = 1
 unit: export OMP_NUM_THREADS = 1
 unit: $(TESTS)

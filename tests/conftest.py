@@ -1,6 +1,7 @@
 """Logs of scenarios, made once per test run; the estimators; and where tests may not be skipped."""
 
 import ctypes
+import gc
 import hashlib
 import os
 import pickle
@@ -61,6 +62,9 @@ for number, usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHU
     if signal.getsignal(number) is signal.SIG_IGN:
         signal.signal(number, usual)
 
+# python-can loads asammdf in each process, half a second, where it is installed. Programs that tests start have none, but
+# for the few that read MF4: these leave PYTHONPATH out.
+os.environ["PYTHONPATH"] = str(Path(__file__).parent / "support/no_mdf")
 
 # What needs a tool that this computer lacks is skipped; with NO_SKIPS=1, as in CI, it fails. On a native bus a test
 # is rightly left out that only a kernel to throw away may try.
@@ -99,10 +103,22 @@ def _ended(_number: int, _frame: object) -> None:
     raise KeyboardInterrupt
 
 
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers() -> int:
+    """A process more than there are cores: in some tests one waits for others, or for the disk."""
+    return len(os.sched_getaffinity(0)) + 1
+
+
 def pytest_configure(config: pytest.Config) -> None:
     """Let SIGTERM end a run of several processes as Ctrl-C does, with its failures so far."""
     if config.getoption("dist", "no") != "no":
         signal.signal(signal.SIGTERM, _ended)
+
+
+def pytest_collection_finish() -> None:
+    """Let the collector of garbage look at no test that is loaded again and again: a tenth of the processor time."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(scope="session")

@@ -42,8 +42,11 @@ def to_run(page: str) -> list[Block]:
     return [b for b in blocks(ROOT / page) if b.skip is None]
 
 
-# their commands start a scheduler and its workers several times; tests/unit/campaign has the same commands in process
-CAMPAIGNS = ("docs/how-to/judge-a-fleets-logs.md", "docs/how-to/run-a-campaign.md")
+# Of the slowest, other tests have the commands: tests/unit/campaign, loop/test_processes.py and tests/unit/logs.
+SLOWEST = {
+    "docs/how-to/judge-a-fleets-logs.md", "docs/how-to/run-a-campaign.md", "docs/how-to/close-the-loop.md",
+    "docs/how-to/why-it-fell.md",
+}  # fmt: skip
 PAGES = [n for n in NAMES if n.startswith(FOLDERS) and to_run(n)]
 
 
@@ -112,7 +115,7 @@ def run(steps: list[Block], folder: Path) -> None:
         raise AssertionError(f"{at.name}: {why}\n{at.body}\nsays\n{said.rpartition(f'-- {at.name}')[2][-4000:]}")
 
 
-@pytest.mark.parametrize("page", [pytest.param(p, marks=pytest.mark.night if p in CAMPAIGNS else ()) for p in PAGES])
+@pytest.mark.parametrize("page", [pytest.param(p, marks=pytest.mark.night if p in SLOWEST else ()) for p in PAGES])
 def test_shell_blocks_of_a_page_run(page: str, tmp_path: Path) -> None:
     run(to_run(page), tmp_path)
 

@@ -50,11 +50,13 @@ def test_replay_works_from_the_installed_wheel(installed: Path, log_of: LogOf, t
     assert table.read_text().splitlines()[-4].split(",")[2] == "Valid"
 
 
+@pytest.mark.night
 def test_wheel_brings_the_native_estimator(installed: Path) -> None:
     """Where there is a compiler; and this tree has it, too."""
     assert f"\nestimator: {native.engine()}\n" in run(installed, WRCD, "--version").stdout
 
 
+@pytest.mark.night
 def test_kit_is_written_from_the_installed_wheel(installed: Path, tmp_path: Path) -> None:
     run(installed, WRCD, "kit", "-o", str(tmp_path / "kit"))
     assert (tmp_path / "kit" / "adhesion.c").stat().st_size > 10_000
@@ -62,6 +64,7 @@ def test_kit_is_written_from_the_installed_wheel(installed: Path, tmp_path: Path
     assert (tmp_path / "estimator" / "design.c").stat().st_size > 100_000
 
 
+@pytest.mark.night
 def test_wheel_contains_the_rig(installed: Path) -> None:
     code = "import sys, sim_ecu; print(sim_ecu.__file__); from sim_ecu.cli.main import main; sys.exit(main())"
     done = run(installed, code, "list")
@@ -69,6 +72,7 @@ def test_wheel_contains_the_rig(installed: Path) -> None:
     assert "leaf-patch" in done.stdout
 
 
+@pytest.mark.night
 def test_wheel_brings_the_dbcs_as_files_not_links(installed: Path) -> None:
     for package in ("wrcd", "sim_ecu"):
         dbc = installed / f"{package}/data/{package}.dbc"

@@ -173,6 +173,7 @@ def test_campaign_that_is_killed_goes_on_and_no_run_is_missing_or_twice(write: W
     pd.testing.assert_frame_equal(rows(out), rows(tmp_path / "undisturbed"))
 
 
+@pytest.mark.night
 def test_worker_that_is_killed_loses_nothing(write: Write, tmp_path: Path) -> None:
     gate, record, out = tmp_path / "gate", tmp_path / "record", tmp_path / "out"
     file = write("seeds = 12", f'record = "{record}"\nwaits_for = "{gate}"\nwaits_from = 7', "x = [1]")
@@ -202,7 +203,8 @@ def test_runs_that_die_or_hang_are_named_and_the_campaign_goes_on(
     assert "  too long: x = 1, act = hang, seed = 3: not done within 5 s\n" in said
 
 
-@pytest.mark.parametrize("signal_", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.night)])
+@pytest.mark.night
+@pytest.mark.parametrize("signal_", [signal.SIGINT, signal.SIGTERM])
 def test_signal_ends_it_and_the_same_command_goes_on(
     write: Write, tmp_path: Path, signal_: signal.Signals, capsys: pytest.CaptureFixture[str]
 ) -> None:

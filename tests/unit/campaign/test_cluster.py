@@ -155,6 +155,7 @@ def test_worker_with_other_code_is_refused(
     assert len(rows(tmp_path / "out")) == 0
 
 
+@pytest.mark.night
 def test_worker_of_several_threads_gets_nothing_and_is_refused_where_there_is_no_other(
     write: Write, tmp_path: Path, dask: Dask, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -24,8 +24,10 @@ BROKEN, KEPT = {"degraded-falls-back", "wrong-crc-is-dropped", "silence-falls-ba
 
 @pytest.mark.parametrize(
     ("name", "kept", "broken"),
-    [("careful", CAREFUL, set[str]()), ("careless", KEPT, BROKEN)],
-    ids=["careful", "careless"],
+    [
+        pytest.param("careful", CAREFUL, set[str](), id="careful", marks=pytest.mark.night),
+        pytest.param("careless", KEPT, BROKEN, id="careless"),
+    ],
 )
 def test_consumer_as_a_process_is_caught_by_every_rule_that_it_breaks(
     name: str, kept: set[str], broken: set[str]

@@ -69,6 +69,7 @@ def held() -> Matching:
         return matching(in_papers_form(Brief()), 2, silent)
 
 
+@pytest.mark.night
 def test_the_papers_noise_makes_the_matching_filter_the_lowest(held: Matching) -> None:
     shares = held.shares(held.brief.points)[0]
     assert shares[0] >= 0.9
@@ -88,6 +89,7 @@ def test_a_residual_counts_where_its_model_matches(held: Matching) -> None:
     assert swapped[2:] == pytest.approx(mine[2:])
 
 
+@pytest.mark.night
 def test_accuracy_is_of_conditions_of_the_search_and_infinite_without_a_stable_filter(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

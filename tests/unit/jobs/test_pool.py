@@ -49,7 +49,7 @@ def test_every_job_has_one_outcome(two: Workers) -> None:
 @pytest.mark.parametrize(
     ("act", "ending", "words"),
     [("fail", Ending.FAILED, "ValueError: seed 3 at"), ("die", Ending.DIED, "ended or was killed"),
-     ("hang", Ending.TOO_LONG, f"not done within {LIMIT_S:g} s")],
+     pytest.param("hang", Ending.TOO_LONG, f"not done within {LIMIT_S:g} s", marks=pytest.mark.night)],
 )  # fmt: skip
 def test_job_that_does_not_end_well_is_tried_once_more_and_takes_no_other_along(
     two: Workers, tmp_path: Path, act: str, ending: Ending, words: str
@@ -81,6 +81,7 @@ def test_worker_that_is_killed_loses_nothing(two: Workers, tmp_path: Path) -> No
     assert len(lines(record)) == 7
 
 
+@pytest.mark.night
 def test_result_that_is_lost_with_its_worker_is_made_again(two: Workers, tmp_path: Path) -> None:
     record, kill = tmp_path / "record", True
     found = []
@@ -226,6 +227,7 @@ def test_other_code_works_on_nothing() -> None:
         limited(b"", 1.0, "other")
 
 
+@pytest.mark.night
 def test_limit_is_of_a_job_and_ends_no_worker_that_waits(two: Workers) -> None:
     before = {o.value for o in run(own_id, range(8), two, LIMIT_S)}
     time.sleep(LIMIT_S + 0.2)

@@ -59,6 +59,7 @@ def test_kit_passes_its_tests(train: Path | str | None, known: int, tmp_path: Pa
     assert known_frames(make(folder, "FRAMES=200000" if train == "twin" else "FRAMES=20000")) >= known
 
 
+@pytest.mark.night
 def test_million_random_frames_pass_the_sanitizers(default: Path) -> None:
     said = make(default, "sanitize")
     found = re.search(r"1000000 random frames, seed 1: (\d+) accepted, (\d+) times FRESH_VALID", said)

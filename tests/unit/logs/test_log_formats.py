@@ -1,6 +1,7 @@
 """Logs of python-can's formats: read as they were written; where its readers fail, what came before is used."""
 
 import gzip
+import os
 import re
 import subprocess
 import sys
@@ -124,7 +125,8 @@ def test_damage_that_python_can_notices_ends_the_reading_with_its_words_and_exit
 def run_dump(log: Path) -> "subprocess.CompletedProcess[str]":
     """In a process of its own: asammdf leaves an exception to the garbage collector."""
     command = [sys.executable, "-m", "wrcd.cli", "dump", str(log)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    env = {k: v for k, v in os.environ.items() if k != "PYTHONPATH" or log.suffix != ".mf4"}
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, env=env)
 
 
 def test_object_of_length_0_ends_the_reading_of_a_blf(tmp_path: Path) -> None:

@@ -128,7 +128,7 @@ def test_events_carry_causes_and_durations(config: Config, made: DaemonFrames) -
         ]  # fmt: skip
 
 
-@pytest.mark.parametrize("rows_at_once", [1, 3, 17, 1000])
+@pytest.mark.parametrize("rows_at_once", [pytest.param(1, marks=pytest.mark.night), 3, 17, 1000])
 def test_events_have_the_causes_of_a_story(config: Config, made: DaemonFrames, rows_at_once: int) -> None:
     """However the frames come: those of a short state have no cause, and never that of an older one."""
     random = np.random.default_rng(7)

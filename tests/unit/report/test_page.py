@@ -120,6 +120,7 @@ def test_log_without_an_adhesion_frame_still_makes_a_page() -> None:
     assert "Configuration" in text
 
 
+@pytest.mark.night
 def test_hour_of_four_axles_is_at_most_ten_megabytes() -> None:
     text = report_page.page(synthetic(3600.0, 4), None)
     assert len(text.encode()) <= MAX_BYTES
