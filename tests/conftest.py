@@ -62,8 +62,8 @@ for number, usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHU
     if signal.getsignal(number) is signal.SIG_IGN:
         signal.signal(number, usual)
 
-# python-can loads asammdf in each process, half a second, where it is installed. Programs that tests start have none, but
-# for the few that read MF4: these leave PYTHONPATH out.
+# python-can loads asammdf in each process, half a second, where it is installed. Programs that tests start have it only
+# where they read MF4: these leave PYTHONPATH out.
 os.environ["PYTHONPATH"] = str(Path(__file__).parent / "support/no_mdf")
 
 # What needs a tool that this computer lacks is skipped; with NO_SKIPS=1, as in CI, it fails. On a native bus a test
