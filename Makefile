@@ -47,8 +47,9 @@ test: $(TESTS) $(TOOLS)
 
 # a process for each core and one more, each with a stretch of the tests: few of a module's fixtures are made twice.
 # Threads of the linear algebra would wait for each other on cores that are taken: a fifth of the processor time.
-unit: export OPENBLAS_NUM_THREADS = 1
-unit: export OMP_NUM_THREADS = 1
+unit night: export OPENBLAS_NUM_THREADS = 1
+unit night: export OMP_NUM_THREADS = 1
+unit night: export LD_LIBRARY_PATH := $(CURDIR)/build/tools/lib$(LD_LIBRARY_PATH:%=:%)
 unit: $(TESTS)
 	$(BIN)/python -m pytest -n auto --maxprocesses=8 --dist=worksteal --durations=5 -rs -vv
 
@@ -81,8 +82,6 @@ lint: $(TESTS)
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
-night: export OPENBLAS_NUM_THREADS = 1
-night: export OMP_NUM_THREADS = 1
 night: $(TESTS)
 	$(BIN)/python -m pytest -n auto --dist=worksteal --durations=5 -vv -m night
 

@@ -6,8 +6,18 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import exudyn
 import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from sim_ecu.physics.contact import CreepCurve
+from sim_ecu.physics.wheelset import Bogie, Wheelset
+from tests.support.tools import missing
+
+if LACKS := missing("libGL.so.1"):
+    pytest.skip(LACKS, allow_module_level=True)
+
+import exudyn
 from exudyn.itemInterface import (
     MarkerBodyPosition,
     MarkerBodyRigid,
@@ -25,10 +35,6 @@ from exudyn.itemInterface import (
     ObjectRotationalMass1D,
     SensorUserFunction,
 )
-from numpy.typing import NDArray
-
-from sim_ecu.physics.contact import CreepCurve
-from sim_ecu.physics.wheelset import Bogie, Wheelset
 
 FloatArray = NDArray[np.float64]
 COORDINATES = 5  # of a wheelset: along the track, lateral, yaw, and how far its right and left wheel have turned

@@ -34,7 +34,7 @@ def fits(found: Opened, width: int) -> None:
     assert found.page.evaluate("document.documentElement.scrollWidth") <= width
 
 
-@needs("chromium")
+@needs("chromium", "libatomic.so.1")
 def test_report_is_drawn_zooms_explains_and_fits_a_narrow_screen(tmp_path: Path) -> None:
     file, two = tmp_path / "report.html", tmp_path / "two.html"
     story = synthetic(SECONDS, AXLES)
