@@ -87,10 +87,12 @@ TOOK: dict[str, dict[str, float]] = {}  # seconds of a test's set-up, call and t
 
 @pytest.hookimpl(wrapper=True)
 def pytest_report_teststatus(
-    report: pytest.TestReport,
+    report: pytest.TestReport | pytest.CollectReport,
 ) -> Generator[None, tuple[str, str, str | tuple[str, dict[str, bool]]], tuple[str, str, Any]]:
     """Say beside a result how long it took, when it is first told: a run that is killed has then said what it knew."""
     category, letter, word = yield
+    if isinstance(report, pytest.CollectReport):  # of a module that is left out
+        return category, letter, word
     took = TOOK.setdefault(report.nodeid, {})
     if report.when in took or not isinstance(word, str) or not word:
         return category, letter, word
