@@ -28,6 +28,7 @@ EPISODES: dict[str, tuple[str | None, str | None]] = {
     "busoff": (None, None),
 }  # fmt: skip
 SILENT_US = 50_000  # so long without an input it was the clock that closed the ticks
+END_US = 1 << 62
 # Stamps that jump by more tell of a clock that was set, where it was: slots may come again, and a frame that was made
 # before may leave after it. No pause is longer than the other.
 JUMP_US, PAUSE_US = 300_000, 60_000_000
@@ -193,17 +194,21 @@ class Replayed:
     def __init__(self, episode: Episode, frames: Sequence[Frame]) -> None:
         self.core = Core(episode.config)
         self.data: dict[Slot, bytes] = {}
-        for times, f in episode.times_set(frames):
+        keys, ahead_us, coming = self.core.receiver.keys, END_US, list[int]()  # when the next input is to come
+        for f in reversed(frames):
+            coming.append(ahead_us)
+            ahead_us = f.stamp_us if f.key in keys and not f.error else ahead_us
+        for (times, f), next_us in zip(episode.times_set(frames), reversed(coming), strict=True):
             if f.fd and not self.core.receiver.fd:
                 continue  # its socket lets none in
-            made = self._closed(episode, f) if episode.is_own(f) else self.core.feed(f)
+            made = self._closed(episode, f, next_us) if episode.is_own(f) else self.core.feed(f)
             for o in made:
                 self.data[o.frame.can_id, o.frame.stamp_us // o.cycle_us, times] = o.frame.data
 
-    def _closed(self, episode: Episode, f: Frame) -> list[Outgoing]:
+    def _closed(self, episode: Episode, f: Frame, next_us: int) -> list[Outgoing]:
         cycle_us = episode.cycles_us[f.key]
         until_us = episode.slot_of(f) * cycle_us
-        if cycle_us != min(episode.cycles_us.values()) or until_us - self.core.newest_us <= SILENT_US:
+        if cycle_us != min(episode.cycles_us.values()) or max(until_us, next_us) - self.core.newest_us <= SILENT_US:
             return []
         since_us = self.core.time_us or until_us
         steps = range(since_us, until_us, SILENT_US) if until_us - since_us < PAUSE_US else ()  # else the clock was set
