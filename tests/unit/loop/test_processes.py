@@ -54,7 +54,8 @@ def test_three_processes_of_the_page_drive_to_the_end(tmp_path: Path) -> None:
     assert document["over"]
     assert document["unsent"] == document["bus"]["foreign_frames"] == 0
     assert document["demand"]["1"]["heard"]
-    assert set(document["demand"]["1"]["rejected"].values()) == {0}
+    # a process that is held up leaves cycles out: of more than two the next frame is rejected
+    assert {why for why, n in document["demand"]["1"]["rejected"].items() if n} <= {"counter"}
     assert "not heard yet" in (tmp_path / "controller").read_text()
     for name in ("controller", "daemon"):
         assert "somebody else" not in (tmp_path / name).read_text()
@@ -62,6 +63,7 @@ def test_three_processes_of_the_page_drive_to_the_end(tmp_path: Path) -> None:
     assert {ADHESION_A1, YAW_RATE_A1, DEMAND_A1} <= set(ids)
     # the controller demands nothing before it has heard the driver
     assert ids.index(DRIVER_DEMAND) < ids.index(DEMAND_A1)
-    told = re.search(r"stopped; (\d+) frames accepted, rejected: none;", (tmp_path / "daemon").read_text())
+    accepted = r"stopped; (\d+) frames accepted, rejected: (none|\d+ counter);"
+    told = re.search(accepted, (tmp_path / "daemon").read_text())
     assert told is not None
     assert int(told[1]) > 0
