@@ -211,5 +211,7 @@ class Replayed:
         if cycle_us != min(episode.cycles_us.values()) or max(until_us, next_us) - self.core.newest_us <= SILENT_US:
             return []
         since_us = self.core.time_us or until_us
+        if 0 < since_us - until_us < JUMP_US:
+            return []  # it has left late: the core is past it
         steps = range(since_us, until_us, SILENT_US) if until_us - since_us < PAUSE_US else ()  # else the clock was set
         return [o for at_us in (*steps, until_us) for o in self.core.advance(at_us)]
