@@ -1,5 +1,6 @@
 """A CAN frame with the time of its reception in whole microseconds."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 EXTENDED = 0x8000_0000  # in a key, and in the kernel's word: the id is one of 29 bits
@@ -10,6 +11,12 @@ ID_BITS, STANDARD_BITS = 0x1FFF_FFFF, 0x7FF
 def id_text(key: int) -> str:
     """Return the id of a key in hexadecimal; an extended one has eight digits."""
     return f"0x{key - EXTENDED:08X}" if key & EXTENDED else f"0x{key:03X}"
+
+
+def counted_ids(counts: Mapping[int, int], most: int = 8) -> str:
+    """Return the commonest of some keys, each with its count: "0x101 200, 0x130 50, …"."""
+    first = sorted(counts.items(), key=lambda item: -item[1])[:most]
+    return ", ".join(f"{id_text(key)} {count}" for key, count in first) + (", …" if len(counts) > most else "")
 
 
 # Not frozen, though nobody changes one: a frozen dataclass of its fields takes seven times as long to make, longer

@@ -15,6 +15,7 @@ class Damage:
     after: int = 0  # frames before the first of them
     cut_line: int | None = None  # last line, cut off in the middle
     stopped: str | None = None  # why the rest was not read
+    left_out: list[str] = field(default_factory=list)  # what of it no input is in, and could not be read
     lost: int = 0  # frames that the recorder says it has not seen
     read: int = 0
 
@@ -43,6 +44,7 @@ class Damage:
             out.append(f"{path}:{self.cut_line}: cut off in mid-line; processed up to there, frame {self.read}")
         if self.stopped is not None:
             out.append(f"{path}: read up to frame {self.read} only: {self.stopped}")
+        out += [f"{path}: left out {what}" for what in self.left_out]
         if self.lost:
             out.append(f"{path}: its recorder says that it lost {self.lost} frames")
         return out

@@ -19,6 +19,7 @@ TRANSPOSED_DEFLATE: Literal[2] = 2  # a fifth of the size; part of the format si
 TIME_OFFSET_VALID = 2  # the header's flag: its time is UTC and an offset, which is 0
 UNKNOWN_WORD = "unknown"  # for a word that is none of ours
 METADATA = "wrcd"
+MAX_NS = 1 << 64
 Column = NDArray[np.float64] | NDArray[np.int8] | list[str]
 
 
@@ -73,7 +74,8 @@ class Mf4File:
         self._places: dict[str, int] = {}  # of groups, by name
         self._with_text: dict[str, list[Rows]] = {}  # asammdf takes that all at once
         header: Any = self._mdf.header
-        header.abs_time, header.tz_offset, header.daylight_save_time = about.begin_us * 1000, 0, 0
+        # before 1970 it has no time: those of its rows count from the first frame, whatever that one is
+        header.abs_time, header.tz_offset, header.daylight_save_time = max(about.begin_us, 0) * 1000, 0, 0
         header.time_flags = TIME_OFFSET_VALID
         header.comment = "\n".join(f"{name}: {fact}" for name, fact in about.facts.items())
 
@@ -105,6 +107,10 @@ class Mf4File:
             self._append(Rows(parts[0].group, np.concatenate([p.time_us for p in parts]), columns))
         with self._mdf as mdf:
             mdf.save(self._path, overwrite=True, compression=TRANSPOSED_DEFLATE)
+
+    def abandon(self) -> None:
+        """Let go of what was begun."""
+        self._mdf.close()
 
 
 def _signal(c: ExportChannel, of: str, column: Column, seconds: NDArray[np.float64]) -> "Signal":
@@ -150,6 +156,8 @@ class McapFile:
             topic = self._topic(r.group)
             messages += ((us * 1000, topic, text) for us, text in zip(r.time_us.tolist(), _texts(r), strict=True))
         messages.sort(key=lambda m: m[0])
+        if messages and not 0 <= messages[0][0] <= messages[-1][0] < MAX_NS:
+            raise ValueError("MCAP has no times before 1970 or after 2554")
         for time_ns, topic, text in messages:
             self._writer.add_message(topic, time_ns, text, time_ns)
 
@@ -163,6 +171,10 @@ class McapFile:
     def close(self) -> None:
         """Write the index and close the file."""
         self._writer.finish()  # type: ignore[no-untyped-call]  # mcap declares no type for it
+        self._file.close()
+
+    def abandon(self) -> None:
+        """Let go of what was begun."""
         self._file.close()
 
 

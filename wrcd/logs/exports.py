@@ -1,8 +1,9 @@
 """Gathers what a core takes and makes, some seconds at once, for exported files: groups of channels by our names."""
 
+import struct
 from array import array
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,9 @@ from wrcd.errors import InputError, need
 from wrcd.logs.decoder import MessageDecoder, decoders
 from wrcd.logs.export_files import About, ExportChannel, ExportGroup, McapFile, Mf4File, Rows
 from wrcd.logs.feed import Part
+from wrcd.logs.reader import LogReader
 from wrcd.logs.story_events import NewChanges
+from wrcd.logs.time_order import Onward
 
 BLOCK_US = 10_000_000  # of the log, held in memory
 # by key of the vocabulary: the name of the packaged DBC's message
@@ -80,7 +83,7 @@ def _change_rows(axle: int, changes: Sequence[Change]) -> Rows:
     )
     of = f"_A{axle}"
     return Rows(
-        ExportGroup(f"Changes{of}", channels, "a row for each change of Validity or of its cause", of),
+        ExportGroup(f"Changes{of}", channels, "a row for each change of Validity or of its cause", f"_Changes{of}"),
         np.array([c.time_us for c in changes], np.int64),
         (
             np.array([VALIDITIES.index(c.after) for c in changes], np.int8),
@@ -125,18 +128,21 @@ class GatherExports(Observer):
     def __init__(self, config: Config, files: Mapping[str, Path]) -> None:
         """files: by their extras."""
         self._config, self._files = config, files
-        self._exporters: list[Exporter] = []
+        self._exporters: dict[str, Exporter] = {}  # by extra
+        self.failed: list[str] = []  # why a file could not be written: it is removed
         self._samples = [_Block(group) for group in _input_groups(config)]
         self._frames = {d.key: (d.axle, _Block(group, d)) for d, group in sent_groups(config)}
         self._changes: dict[int, list[Change]] = {}  # by axle
         self._begin_us, self._end_us = -(1 << 62), 1 << 62
         self._due_us: int | None = None  # when the block is full
         self._new_changes: NewChanges | None = None
+        self._onward = Onward()
 
-    def begin(self, core: Core, part: Part, log: Path, first_us: int) -> None:
-        """Make the files, for what is gathered from now on of a log. first_us: the time of the log's first frame.
-        Raises InputError for a file that can't be made."""
+    def begin(self, core: Core, part: Part, reader: LogReader, first_us: int) -> None:
+        """Make the files, for what is gathered from now on of a log, in the time that goes on. first_us: the time of
+        the log's first frame. Raises InputError for a file that can't be made."""
         self._new_changes = NewChanges(core)
+        self._onward = reader.clock
         self._begin_us = self._begin_us if part.begin_us is None else part.begin_us
         self._end_us = self._end_us if part.end_us is None else part.end_us
         places = {place for place, a in enumerate(self._config.axles) if a.number in part.axles}
@@ -147,31 +153,32 @@ class GatherExports(Observer):
         facts = {
             "program": f"wrcd {__version__}",
             "design": f"{design.name} {design.checksum}",
-            "log": log.name,
+            "log": reader.path.name,
             "configuration": Path(self._config.file).name,
         }
         for extra, path in self._files.items():
-            self._exporters.append(EXPORTERS[extra][1](path, About(first_us, facts)))
+            self._exporters[extra] = EXPORTERS[extra][1](path, About(first_us, facts))
 
     def accepted(self, samples: Sequence[Sample], stamp_us: int) -> None:
         """Keep the samples of an accepted frame."""
         if not self._begin_us <= stamp_us < self._end_us:
             return
+        time_us = stamp_us + self._onward.correction_us
         for s in samples:
             if self._wanted[s.source]:
                 held = self._samples[s.source]
-                held.stamps_us.append(stamp_us)
+                held.stamps_us.append(time_us)
                 held.values.append(s.value)
         if self._due_us is None:
-            self._due_us = stamp_us + BLOCK_US
-        elif not 0 <= self._due_us - stamp_us <= BLOCK_US:  # a block is full, or the clock has stepped
+            self._due_us = time_us + BLOCK_US
+        elif time_us > self._due_us:
             self.flush()
-            self._due_us = stamp_us + BLOCK_US
+            self._due_us = time_us + BLOCK_US
 
     def sent(self, o: Outgoing) -> None:
         """Keep a frame that was made."""
         if (found := self._frames.get(o.frame.key)) is not None:
-            found[1].stamps_us.append(o.frame.stamp_us)
+            found[1].stamps_us.append(self._onward.made(o.frame.stamp_us))
             found[1].data += o.frame.data
 
     def look(self) -> None:
@@ -179,7 +186,7 @@ class GatherExports(Observer):
         assert self._new_changes is not None
         for change in self._new_changes.take():
             if change.axle in self._changes and self._begin_us <= change.time_us < self._end_us:
-                self._changes[change.axle].append(change)
+                self._changes[change.axle].append(replace(change, time_us=self._onward.made(change.time_us)))
 
     def flush(self) -> None:
         """Hand on what there is."""
@@ -189,14 +196,23 @@ class GatherExports(Observer):
         for changes in self._changes.values():
             changes.clear()
         if rows:
-            for exporter in self._exporters:
-                exporter.write(rows)
+            self._each(lambda exporter: exporter.write(rows))
 
     def close(self) -> None:
         """Finish the files."""
         self.flush()
-        for exporter in self._exporters:
-            exporter.close()
+        self._each(lambda exporter: exporter.close())
+
+    def _each(self, act: Callable[[Exporter], None]) -> None:
+        """Of every file. One that its library fails to write is removed; what else is written goes on."""
+        for extra, exporter in list(self._exporters.items()):
+            try:
+                act(exporter)
+            except (ArithmeticError, ValueError, TypeError, struct.error) as e:
+                del self._exporters[extra]
+                exporter.abandon()
+                self._files[extra].unlink(missing_ok=True)
+                self.failed.append(f"{self._files[extra]}: --{extra}: cannot be written: {e or type(e).__name__}")
 
 
 def gathering_for(files: Mapping[str, Path | None], config: Config) -> GatherExports | None:

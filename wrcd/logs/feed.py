@@ -17,11 +17,8 @@ from wrcd.errors import InputError
 from wrcd.logs.columns import MIN_ROWS, Item, Stretch
 from wrcd.logs.decoder import sent_messages
 from wrcd.logs.reader import LogReader
-from wrcd.logs.time_order import frames_of
+from wrcd.logs.time_order import MAX_SILENCE_US, frames_of
 
-# A log has no clock to tell a silence from a step of time by. A gap of up to so long between its lines, whoever's they
-# are, is a silence, and its slots are made; a longer one is a step. What comes after it is the same either way.
-MAX_SILENCE_US = 60_000_000
 MAX_GAP_US = 500_000  # between frames of a stretch that is read by columns: far from any silence
 
 

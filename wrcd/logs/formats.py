@@ -1,10 +1,12 @@
 """Logs in the formats of python-can, by its own readers. What those do not notice is not noticed here."""
 
+import codecs
 import io
+import re
 import struct
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from pathlib import Path
-from typing import IO, cast
+from typing import IO, Any, cast
 
 import can
 from can.io.generic import BinaryIOMessageReader, MessageReader, TextIOMessageReader
@@ -12,15 +14,22 @@ from can.io.generic import BinaryIOMessageReader, MessageReader, TextIOMessageRe
 from wrcd.bus.frame import Frame
 from wrcd.bus.pythoncan import from_message
 from wrcd.errors import InputError
+from wrcd.logs.damage import Damage
+
+NAMES = {
+    ".asc": "Vector's text", ".blf": "Vector's binary", ".trc": "PEAK's text", ".csv": "python-can's own text",
+    ".db": "python-can's own database", ".mf4": "ASAM MDF with CAN frames",
+}  # fmt: skip
 
 MAX_STAMP_US = 10**17  # the year 5138
+BLF_WRAP_S = 2**64 * 1e-9  # a stamp before the begin, as of a pre-trigger: python-can reads it without its sign
 BLF_HEADER, BLF_SIZE_AT = 16, 8  # bytes of an object's header; where in it the object's length stands
 
 
-def read(path: Path, suffix: str, file: IO[bytes]) -> Iterator[tuple[Frame, str]]:
+def read(path: Path, suffix: str, file: IO[bytes], damage: Damage) -> Iterator[tuple[Frame, str]]:
     """Frames and channels of a log, which is open as file. Raises what python-can raises, and ValueError for a frame
     that there cannot be."""
-    with _reader(path, suffix, file) as reader:
+    with _reader(path, suffix, file, damage) as reader:
         for message in reader:
             if isinstance(reader, can.ASCReader) and (reader.timestamps_format or "").lower() == "relative":
                 raise InputError(
@@ -29,6 +38,8 @@ def read(path: Path, suffix: str, file: IO[bytes]) -> Iterator[tuple[Frame, str]
                     file=path,
                     hint="export it again with absolute timestamps",
                 )
+            if isinstance(reader, can.BLFReader) and message.timestamp - reader.start_timestamp > BLF_WRAP_S / 2:
+                message.timestamp -= BLF_WRAP_S
             yield _frame(message), str(message.channel if message.channel is not None else "can0")
 
 
@@ -47,13 +58,54 @@ class _BlfReader(can.BLFReader):
         yield from super()._parse_container(data)
 
 
-def _reader(path: Path, suffix: str, file: IO[bytes]) -> MessageReader:
-    kind = _BlfReader if suffix == ".blf" else can.io.MESSAGE_READERS.get(suffix)
+class _AscLines:
+    """Lines of an .asc, for a reader that loses the line with which it finds the header to be over, which may be a
+    frame, and that takes "CANFD Start of measurement" for one."""
+
+    _NO_FRAME = re.compile(r"\s*\d+\.\d+\s+CANFD\s+[A-Z][a-z]+\s")
+
+    def __init__(self, file: Any) -> None:
+        self._file, self._again = file, ""
+
+    def __iter__(self) -> Iterator[str]:
+        while line := self._again or self._file.readline():
+            self._again = line  # who breaks off here and begins anew gets it again
+            if not self._NO_FRAME.match(line):
+                yield line
+            self._again = ""
+
+    def close(self) -> None:
+        """Of the file."""
+        self._file.close()
+
+
+def _mf4_reader(damage: Damage) -> type[BinaryIOMessageReader]:
+    """python-can's reader with error frames that it may not understand: they are left out, and that is said."""
+
+    class Mf4Reader(can.MF4Reader):
+        class _CANErrorFrameIterator(can.MF4Reader._CANErrorFrameIterator):
+            def __iter__(self) -> Generator[can.Message, None, None]:
+                try:
+                    yield from super().__iter__()
+                except (LookupError, ValueError, TypeError, AttributeError) as e:
+                    damage.left_out.append(f"a group of error frames, which python-can cannot read: {e!r}")
+
+    return Mf4Reader
+
+
+def _reader(path: Path, suffix: str, file: IO[bytes], damage: Damage) -> MessageReader:
+    kind: Any = _BlfReader if suffix == ".blf" else can.io.MESSAGE_READERS.get(suffix)
+    kind = _mf4_reader(damage) if suffix == ".mf4" else kind
     if kind is not None and issubclass(kind, TextIOMessageReader):
+        if cast(io.BufferedReader, file).peek(3).startswith(codecs.BOM_UTF8):
+            file.read(len(codecs.BOM_UTF8))
         # every byte is a character: only frames count, and they are ASCII
-        return kind(io.TextIOWrapper(file, encoding="latin-1"))
+        reader: MessageReader = kind(io.TextIOWrapper(file, encoding="latin-1"))
+        if suffix == ".asc":
+            vars(reader)["file"] = _AscLines(vars(reader)["file"])
+        return reader
     if kind is not None and issubclass(kind, BinaryIOMessageReader):
-        return kind(cast(io.BufferedIOBase, file))
+        return cast(MessageReader, kind(file))
     return can.LogReader(path)  # a database has a path, and python-can's word stands for what it does not know
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from wrcd.core.causes import Validity
 from wrcd.core.configuration import Config
 from wrcd.logs.story_events import VALID_PLACE
-from wrcd.logs.story_records import Fall, Finding, Story, StoryAxle, Times, at, percent, seconds, total_s
+from wrcd.logs.story_records import Fall, Finding, Story, StoryAxle, Times, at, percent, seconds
 
 MAX_APART_US = 10_000  # of slots, half of Adhesion's cycle
 MAX_DELAY_US = 5_000_000  # between a fall in one and the same in the other
@@ -67,7 +67,7 @@ def _axle(first: Story, other: Story, ours: StoryAxle, theirs: StoryAxle, shift_
         mean, mean_absolute = float(difference.mean()), float(np.abs(difference).mean())
         place = int(np.abs(difference).argmax())
         worst, at_us = float(difference[place]), int(time_us[place])
-    shares = _valid_share(ours), _valid_share(theirs)
+    shares = ours.spells.share(Validity.VALID), theirs.spells.share(Validity.VALID)
     delays, only_other = _delays(first, other, ours.number, shift_us)
     return AxleComparison(ours.number, len(difference), mean, mean_absolute, worst, at_us, shares, delays, only_other)
 
@@ -82,11 +82,6 @@ def _slots(a: Times, b: Times) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     rows = np.flatnonzero(np.abs(b[near] - a) <= MAX_APART_US)
     _, once = np.unique(near[rows], return_index=True)
     return rows[once].astype(np.int64), near[rows[once]].astype(np.int64)
-
-
-def _valid_share(axle: StoryAxle) -> float:
-    total = total_s(axle.events)
-    return axle.lasted_s(Validity.VALID) / total if total else float("nan")
 
 
 def _delays(first: Story, other: Story, axle: int, shift_us: int) -> tuple[tuple[Delay, ...], tuple[Fall, ...]]:

@@ -33,27 +33,38 @@ class MappedInputs:
                 self.wrong[key] = len(frames) - len(good_frames(frames, reader.length, reader.data_id))
 
     def values(self, scan: Scan, one: Input) -> tuple[NDArray[np.int64], FloatArray]:
-        """Stamps and values of a mapped signal."""
+        """Stamps and values of a mapped signal, of the frames that carry it."""
         key, number = self._key(one.source.message), self._config.inputs.index(one)
         reader = self.readers[key]
         frames = good_frames(scan.of(key), reader.length, reader.data_id)
         if not len(frames):
             return frames.time_us, np.zeros(0)
         if reader.order is None or frames.data.shape[1] > 8:
-            return frames.time_us, self._one_by_one(frames, key, reader, number)
+            values, carried = self._one_by_one(frames, key, reader, number)
+            return frames.time_us[carried], values[carried]
         return frames.time_us, reader.read_columns(frames.data)[0][reader.numbers.index(number)]
 
-    def _one_by_one(self, frames: Frames, key: int, reader: MessageReader, number: int) -> FloatArray:
-        """Of a message that is not plain: multiplexed, both byte orders, floating-point."""
-        out = np.full(len(frames), np.nan)
+    def is_multiplexed(self, one: Input) -> bool:
+        """Whether only some frames of its message carry it."""
+        return self.readers[self._key(one.source.message)].is_multiplexed
+
+    def _one_by_one(
+        self, frames: Frames, key: int, reader: MessageReader, number: int
+    ) -> tuple[FloatArray, NDArray[np.bool_]]:
+        """Of a message that is not plain: multiplexed, both byte orders, floating-point. With the frames that carry the
+        signal."""
+        out, carried = np.full(len(frames), np.nan), np.ones(len(frames), bool)
         for row, (stamp_us, length) in enumerate(zip(frames.time_us.tolist(), frames.lengths.tolist(), strict=True)):
             data = frames.data[row, :length].tobytes()
             frame = Frame(stamp_us, key & ~EXTENDED, data, bool(key & EXTENDED), fd=reader.fd)
             reader.reset()  # its counter is another question
             found = reader.read(frame)
-            if not isinstance(found, Reason):
-                out[row] = next((s.value for s in found if s.source == number), np.nan)
-        return out
+            if isinstance(found, Reason):
+                carried[row] = number in reader.concerned(frame, found)
+            else:
+                value = next((s.value for s in found if s.source == number), None)
+                carried[row], out[row] = value is not None, np.nan if value is None else value
+        return out, carried
 
     def any_frame(self, scan: Scan, place: int) -> bool:
         """Whether the log has a frame that is of an axle (its place) and not of the vehicle as a whole. A message that

@@ -1,5 +1,6 @@
 """Reads a log of any format: its frames in the order of time, and what is odd about it."""
 
+import codecs
 import contextlib
 import gzip
 import io
@@ -14,7 +15,7 @@ from wrcd.bus.frame import Frame
 from wrcd.errors import InputError
 from wrcd.logs.columns import Item, Stretch, parse_lines, stretches
 from wrcd.logs.damage import Damage
-from wrcd.logs.time_order import Onward, TimeOrder, on_channel
+from wrcd.logs.time_order import Onward, StrayStamps, TimeOrder, on_channel
 from wrcd.progress import Progress
 
 CHUNK_BYTES, READ_BYTES = 1 << 18, 1 << 13  # of a log, taken at once, and asked of the file at once
@@ -24,7 +25,6 @@ _SCREEN = re.compile(rb"[^#]*?\s[0-9A-Fa-f]{3,8}\b[^#]*?\[\d{1,2}\]")
 FILE_ERRORS = (OSError, EOFError, zlib.error)  # of a file that may be packed
 STANDARD_INPUT = Path("standard input")  # in messages
 _DROPPED = re.compile(rb"DROPCOUNT: dropped (\d{1,9}) CAN frames? on .*")
-ENDS_IN = "the suffix tells the format: a candump log (candump -l or -L) ends in .log"
 
 
 class LogReader:
@@ -37,7 +37,7 @@ class LogReader:
     def __init__(self, path: Path, channel: str | None = None, *, shows: bool = False) -> None:
         """shows: on a terminal a line tells how far the log has come."""
         self.path, self.damage, self.clock = path, Damage(), Onward()
-        self._channel, self._order = channel, TimeOrder(path)
+        self._channel, self._strays, self._order = channel, StrayStamps(path), TimeOrder(path)
         self._progress = Progress() if shows else None
         self._first_us: int | None = None
 
@@ -49,12 +49,17 @@ class LogReader:
             self._progress.end()
 
     def written(self) -> Iterator[Item]:
-        """Many frames at once where the log is regular, as written."""
-        return self._shown(on_channel(read_stretches(self.path, self.damage), self._channel, self.path))
+        """Many frames at once where the log is regular, as written but for stray stamps."""
+        items = on_channel(read_stretches(self.path, self.damage), self._channel, self.path)
+        return self._shown(self._strays.put(items))
 
     def in_order(self) -> Iterator[Item]:
         """The same in the order of time: a log that is out of order by up to a second is sorted."""
         return self._order.put(self.written())
+
+    def onward(self) -> Iterator[Item]:
+        """The same with stamps of a time that goes on where the log's clock is set back."""
+        return map(self.clock.moved, self.clock.items(self.in_order()))
 
     @property
     def whole(self) -> bool:
@@ -64,7 +69,7 @@ class LogReader:
     @property
     def warnings(self) -> list[str]:
         """Sentences on what is damaged or out of order; empty for a sound log."""
-        return [*self.damage.warnings(self.path), *self._order.warnings()]
+        return [*self.damage.warnings(self.path), *self._strays.warnings(), *self._order.warnings()]
 
     def _shown(self, items: Iterator[Item]) -> Iterator[Item]:
         if self._progress is None:
@@ -94,7 +99,7 @@ def read_log(path: Path, damage: Damage) -> Iterator[tuple[Frame, str]]:
 
     # every reader of python-can has its own way to fail
     with _errors(path, damage, Exception), _open(path) as file:
-        for found in formats.read(path, log_suffix(path), file):
+        for found in formats.read(path, log_suffix(path), file, damage):
             damage.read += 1
             yield found
 
@@ -129,11 +134,30 @@ def _errors(path: Path, damage: Damage, *kinds: type[Exception]) -> Iterator[Non
             raise
         reason = str(e) or type(e).__name__
         if not damage.read:
-            hint = "check the path and your rights" if isinstance(e, OSError) and e.errno else ENDS_IN
-            raise InputError(f"cannot be read: {reason}", file=path, hint=hint) from None
+            if isinstance(e, OSError) and e.errno:
+                raise InputError(
+                    f"cannot be read: {reason}", file=path, hint="check the path and your rights"
+                ) from None
+            raise InputError(f"cannot be read: {reason}", file=path, hint=_format_hint(path)) from None
         damage.stopped = reason
     if not damage.read:
-        raise InputError("has not one readable frame", file=path, hint=ENDS_IN)
+        raise InputError("has not one readable frame", file=path, hint=_format_hint(path))
+
+
+def _format_hint(path: Path) -> str:
+    """What the suffix makes of a log."""
+    from wrcd.logs.formats import NAMES
+
+    suffix = log_suffix(path)
+    if suffix in CANDUMP_SUFFIXES:
+        return "a .log is read as candump -l or -L writes it: (1700000000.000000) can0 101#0011"
+    known = ", ".join([*CANDUMP_SUFFIXES, *NAMES])
+    what = NAMES.get(suffix)
+    return (
+        f"a {suffix} is read as {what}, by python-can; the suffix tells the format"
+        if what
+        else f"the suffix tells the format: {known}"
+    )
 
 
 def _open(path: Path) -> IO[bytes]:
@@ -154,6 +178,8 @@ def _read_line(line: bytes, number: int, damage: Damage) -> tuple[Frame, str] | 
         # a killed candump leaves half a line, and half a line may look like a shorter frame
         damage.cut_line = number
         return None
+    if number == 1:
+        line = line.removeprefix(codecs.BOM_UTF8)
     found = parse_line(line.strip()) if len(line) < 400 else None
     if found is not None:
         damage.read += 1

@@ -3,16 +3,19 @@
 import contextlib
 import io
 import sys
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from multiprocessing import get_context
 from pathlib import Path
 
+from wrcd.bus.frame import counted_ids, id_text
 from wrcd.config.config import load_config
 from wrcd.core.core import Core
 from wrcd.core.messages import Outgoing
 from wrcd.errors import InputError, Status
+from wrcd.logs.columns import Stretch
 from wrcd.logs.exports import gathering_for
 from wrcd.logs.feed import WHOLE, Part, Selection, Survey, check_since, check_time, outgoing_of_log, survey
 from wrcd.logs.reader import LogReader
@@ -52,7 +55,7 @@ def replay(
     run = ReplayRun(log, core, selection.channel)
     try:
         if gathered is not None:
-            gathered.begin(core, part, log, found.first_us)
+            gathered.begin(core, part, run.reader, found.first_us)
         with Writing(outputs, core, config, explained, part, gathered) as writing:
             writing.write(run.made(part))
         if not writing.sent:
@@ -61,35 +64,40 @@ def replay(
         outputs.remove()
         raise
     run.tell(found, writing.sent)
-    return run.status
+    for failure in () if gathered is None else gathered.failed:
+        print(f"wrcd: error: {failure}", file=sys.stderr)
+    return max(run.status, Status.STOPPED) if gathered is not None and gathered.failed else run.status
 
 
 class ReplayRun:
     """One log through a core, and what is reported of it at the end."""
 
     def __init__(self, log: Path, core: Core, channel: str | None) -> None:
-        self._log, self._core = log, core
-        self._reader = LogReader(log, channel, shows=True)
+        self._log, self._core, self._channel = log, core, channel
+        self.reader = LogReader(log, channel, shows=True)
 
     def made(self, part: Part) -> Iterator[tuple[Outgoing, str]]:
         """What the core makes of the log, as far as it is needed for a part, and the channel."""
-        return outgoing_of_log(self._core, self._reader, part.read)
+        return outgoing_of_log(self._core, self.reader, part.read)
 
     @property
     def status(self) -> Status:
         """The exit status of a log that was read."""
         if not self._core.counts.accepted:
             return Status.NOT_THERE
-        return Status.DONE if self._reader.whole else Status.STOPPED
+        return Status.DONE if self.reader.whole else Status.STOPPED
 
     def tell(self, found: Survey, sent: int) -> None:
         """Say on standard error what is odd in the log, and what it came to."""
         for warning in self._warnings(found):
             print(f"wrcd: warning: {warning}", file=sys.stderr)
-        read, counts = self._reader.damage.read, self._core.counts
+        read, counts = self.reader.damage.read, self._core.counts
         if not counts.accepted:
+            mapped = ", ".join(map(id_text, sorted(self._core.receiver.keys)))
+            there = counted_ids(self._ids()) if self._log.is_file() else ""
             print(
-                f"wrcd: error: {self._log}: none of its {read} frames is a usable input of this configuration",
+                f"wrcd: error: {self._log}: none of its {read} frames is a usable input of this configuration: it maps "
+                f"{mapped}{f'; the log has {there}' if there else ''}",
                 file=sys.stderr,
             )
         print(
@@ -98,9 +106,16 @@ class ReplayRun:
             file=sys.stderr,
         )
 
+    def _ids(self) -> Counter[int]:
+        """How many frames of each id the log has."""
+        counts: Counter[int] = Counter()
+        for item in LogReader(self._log, self._channel).written():
+            counts.update(item.keys.tolist() if isinstance(item, Stretch) else [item[0].key])
+        return counts
+
     def _warnings(self, found: Survey) -> Iterator[str]:
         yield from self._core.config.warnings
-        yield from self._reader.warnings
+        yield from self.reader.warnings
         if self._core.counts.accepted and found.without_frame:
             axles = ", ".join(map(str, sorted(found.without_frame)))
             yield f"{self._log}: has no frame of axle {axles}; no rows of it"

@@ -11,7 +11,7 @@ from wrcd.bus.e2e import Checker, crcs
 from wrcd.bus.frame import Frame
 from wrcd.logs.columns import Item, Stretch
 from wrcd.logs.reader import LogReader
-from wrcd.logs.story_records import ClockStep, Record
+from wrcd.logs.story_records import NO_GAPS, ClockStep, Gaps, Record
 
 PLAIN_BYTES = 8
 MAX_SINGLE = 4096  # frames that are held as objects, by message
@@ -42,6 +42,7 @@ class Scan:
     warnings: tuple[str, ...] = ()
     whole: bool = True  # whether all of the log could be read
     clock_steps: tuple[ClockStep, ...] = ()
+    gaps: Gaps = NO_GAPS
 
     def of(self, key: int) -> Frames:
         """The frames of an id, perhaps none."""
@@ -57,11 +58,11 @@ def scan(log: Path, channel: str | None, reached: Callable[[int], None] = lambda
     gathering = Gathering()
     with LogReader(log, channel) as reader:
         onward = reader.clock
-        for item in onward.items(reader.in_order()):
-            reached(gathering.put(onward.moved(item)))
+        for item in reader.onward():
+            reached(gathering.put(item))
     out = gathering.done(log)
     out.warnings, out.whole = tuple(reader.warnings), reader.whole
-    out.clock_steps = tuple(onward.steps)
+    out.clock_steps, out.gaps = tuple(onward.steps), onward.gaps
     if onward.steps:
         ahead_s = onward.correction_us * 1e-6
         out.warnings += (

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from wrcd import __version__
 from wrcd.bus.codec import message_key
 from wrcd.bus.dbc import Database, find_message
+from wrcd.bus.frame import counted_ids, id_text
 from wrcd.bus.reasons import Reason
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import Config
@@ -29,12 +30,10 @@ from wrcd.logs.scan import Gathering, Scan, scan
 from wrcd.logs.statistics import BIT_RATE
 from wrcd.logs.story_events import NewChanges
 from wrcd.logs.story_records import AdhesionRecord, Detail, Story, StoryAxle, TruthRecord
-from wrcd.logs.time_order import Onward
 from wrcd.progress import Progress
 
 SENT, ESTIMATED = "frames of the log", "estimated here"
 MAX_PART_MISSING = 0.01  # of a log, without wrcd's frames, before it is reported
-LAST_TICK_US = 20_000  # before a step of the clock: what was not reported of it yet
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,32 +97,23 @@ def estimate(
     core, gathering, reader = Core(config), Gathering(), LogReader(log, channel)
     onward = reader.clock
     changes: list[Change] = []
-    new_changes = NewChanges(core)
+    new_changes = NewChanges(core, onward)
     answers = {a.number: FrameEstimates() for a in config.axles}
     of_message = {
         message_key(find_message(config.database, a.adhesion.message)): (place, answers[a.number])
         for place, a in enumerate(config.axles)
     }
     for number, (o, _) in enumerate(outgoing_of_log(core, reader)):
-        stamp_us = gathering.put(onward.moved((o.frame, channel or "")))
+        stamp_us = onward.made(o.frame.stamp_us)
+        gathering.put((replace(o.frame, stamp_us=stamp_us), channel or ""))
         if (found := of_message.get(o.frame.key)) is not None:
             found[1].put(stamp_us, o.why, found[0], o.cause)
-        changes += [_onward(c, onward) for c in new_changes.take()]
+        changes += new_changes.take()
         if number % 1024 == 0:
-            reached(o.frame.stamp_us + onward.correction_us)
-    changes += [_onward(c, onward) for c in new_changes.take()]
+            reached(stamp_us)
+    changes += new_changes.take()
     counts = core.counts
     return Estimated(gathering.done(log), tuple(changes), counts.accepted, dict(counts.rejected_by_message), answers)
-
-
-def _onward(change: Change, onward: Onward) -> Change:
-    """A change in the time that goes on. Those of the tick in which the clock is set back are reported after it."""
-    if not onward.steps:
-        return change
-    step = onward.steps[-1]
-    behind_us = step.at_us - (change.time_us + step.before_us)
-    correction_us = step.before_us if 0 <= behind_us < LAST_TICK_US < step.back_us else onward.correction_us
-    return replace(change, time_us=change.time_us + correction_us)
 
 
 def gather(
@@ -184,7 +174,7 @@ def gather(
         log, found.channel, SENT if estimated is None else ESTIMATED, found.begin_us, found.end_us, tuple(axles), speed,
         distance(speed), torque, status, rejects, link,
         statistics.bus(found, config, databases, truth_keys, own.keys, wrong, bit_rate), (), (), tuple(warnings),
-        config, _versions(config), found.whole, found.clock_steps,
+        config, _versions(config), found.whole, found.clock_steps, found.gaps,
         estimated.accepted if estimated else 0, estimated.refused if estimated else {},
     )  # fmt: skip
     return verdict.judged(story_events.with_falls(story))
@@ -205,7 +195,8 @@ def _estimate(found: Scan, config: Config, channel: str | None, progress: Progre
     estimated = estimate(found.log, config, channel, reached)
     if not estimated.accepted:
         raise InputError(
-            "none of its frames is a usable input of this configuration", file=found.log,
+            f"none of its frames is a usable input of this configuration: it maps {', '.join(map(id_text, mapped))}; "
+            f"the log has {counted_ids({key: len(frames) for key, frames in found.frames.items()})}", file=found.log,
             hint="wrcd check --log tells why",
         )  # fmt: skip
     return estimated
@@ -229,10 +220,9 @@ def _axle(
         lasted = story_events.of_frames(number, adhesion, detail, health, cycle_us, found.begin_us, found.end_us)
     else:
         lasted = story_events.of_changes(number, estimated.changes, found.begin_us, found.end_us)
-        lasted = story_events.with_silences(lasted, adhesion.time_us, own.cycle_us("adhesion", number))
         answers = estimated.answers[number]
         adhesion, detail = answers.bound(adhesion), detail or answers.detail()
-    return StoryAxle(number, adhesion, detail, health, truth_record, lasted)
+    return StoryAxle(number, adhesion, detail, health, truth_record, story_events.with_gaps(lasted, found.gaps))
 
 
 def _with_inputs(

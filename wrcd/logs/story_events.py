@@ -12,7 +12,19 @@ from wrcd.core.causes import Cause, Validity
 from wrcd.core.core import Core
 from wrcd.core.events import Change
 from wrcd.core.vocabulary import words_of
-from wrcd.logs.story_records import AdhesionRecord, Detail, Event, Fall, HealthRecord, Places, Story, StoryAxle, Times
+from wrcd.logs.story_records import (
+    GAP,
+    AdhesionRecord,
+    Detail,
+    Event,
+    Fall,
+    Gaps,
+    HealthRecord,
+    Places,
+    Story,
+    StoryAxle,
+)
+from wrcd.logs.time_order import Onward
 
 VALIDITIES = tuple(map(Validity, words_of("adhesion", "Validity")))  # by place
 VALID_PLACE = VALIDITIES.index(Validity.VALID)
@@ -20,14 +32,16 @@ REASONS = words_of("inputs", "RefusedSpeed")
 STALE_AFTER = 3  # cycles without a frame: a receiver does not hold the value any longer
 INPUT_NAMES = ("yaw rate", "lateral acceleration", "torque", "speed")
 NO_FRAME = "no frame of wrcd"
+KNOWN_AGAIN_US = 100_000  # after a gap of a log: until the first slot, and three cycles
 CAUSES = {int(c): c for c in Cause}
 
 
 class NewChanges:
     """Reads the changes of Validity that a core makes; to be asked oftener than its events are forgotten."""
 
-    def __init__(self, core: Core) -> None:
-        self._events, self._taken = core.events, core.events.total
+    def __init__(self, core: Core, onward: Onward | None = None) -> None:
+        """onward: of the log, for changes in the time that goes on."""
+        self._events, self._taken, self._onward = core.events, core.events.total, onward
 
     def take(self) -> Sequence[Change]:
         """Those since the time before."""
@@ -35,6 +49,8 @@ class NewChanges:
             return ()
         new = self._events.since(self._taken)
         self._taken = self._events.total
+        if self._onward is not None and self._onward.steps:
+            return [replace(c, time_us=self._onward.made(c.time_us)) for c in new]
         return new
 
 
@@ -129,18 +145,24 @@ def of_changes(axle: int, changes: Iterable[Change], begin_us: int, end_us: int)
     return tuple(out)
 
 
-def with_silences(events: Iterable[Event], time_us: Times, cycle_us: int) -> tuple[Event, ...]:
-    """The same events; where no frame comes for longer than three cycles, as over a step of time, no state holds."""
-    out = list(events)
-    for k in np.flatnonzero(np.diff(time_us) > STALE_AFTER * cycle_us).tolist():
-        begin, end = int(time_us[k]) + STALE_AFTER * cycle_us, int(time_us[k + 1])
-        parts: list[Event] = []
-        for e in out:
-            parts += [replace(e, end_us=min(e.end_us, begin)), replace(e, begin_us=max(e.begin_us, end))]
-        axle = out[0].axle if out else 0
-        parts.append(Event(axle, begin, end, Validity.NOT_AVAILABLE, Cause.NONE, NO_FRAME))
-        out = sorted((e for e in parts if e.end_us > e.begin_us), key=lambda e: e.begin_us)
-    return tuple(out)
+def with_gaps(events: Iterable[Event], gaps: Gaps) -> tuple[Event, ...]:
+    """The same events; a gap of the log is an event of its own, until the first state that is known after it."""
+    events = tuple(events)
+    if not len(gaps.begin_us) or not events:
+        return events
+    begins = np.array([e.begin_us for e in events])
+    known = begins[np.searchsorted(begins, gaps.end_us).clip(0, len(begins) - 1)]
+    soon = (known >= gaps.end_us) & (known - gaps.end_us <= KNOWN_AGAIN_US)
+    end_us = np.where(soon, known, gaps.end_us)
+    out = [
+        Event(events[0].axle, begin, end, Validity.NOT_AVAILABLE, Cause.NONE, GAP)
+        for begin, end in zip(gaps.begin_us.tolist(), end_us.tolist(), strict=True)
+    ]
+    for e in events:
+        inside = slice(np.searchsorted(end_us, e.begin_us, side="right"), np.searchsorted(gaps.begin_us, e.end_us))
+        edges = [e.begin_us, *np.column_stack((gaps.begin_us, end_us))[inside].ravel().tolist(), e.end_us]
+        out += [replace(e, begin_us=a, end_us=b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b > a]
+    return tuple(sorted(out, key=lambda e: e.begin_us))
 
 
 BLOCK_US = 200_000  # medians of so long: a single wrong frame is none

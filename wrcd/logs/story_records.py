@@ -3,7 +3,7 @@ the log, and go on over a step of its clock; NaN is: there is none."""
 
 import itertools
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, Self
@@ -85,6 +85,35 @@ class TruthRecord(Record):
 
 
 @dataclass(frozen=True, slots=True)
+class Gaps:
+    """Where a log has nobody's frame for so long that its recorder was off, (n,) each, in the order of time."""
+
+    begin_us: Times
+    end_us: Times
+
+    @classmethod
+    def of(cls, gaps: Sequence[tuple[int, int]]) -> Self:
+        """From begins and ends."""
+        begin_us, end_us = np.array(gaps, np.int64).reshape(-1, 2).T
+        return cls(begin_us, end_us)
+
+    @property
+    def total_us(self) -> int:
+        """How long they last together."""
+        return int((self.end_us - self.begin_us).sum())
+
+    def taken_out(self, time_us: Times) -> Times:
+        """Times as if the recorder had gone on."""
+        lost_us = np.concatenate((np.zeros(1, np.int64), np.cumsum(self.end_us - self.begin_us)))
+        out: Times = time_us - lost_us[np.searchsorted(self.end_us, time_us, side="right")]
+        return out
+
+
+NO_GAPS = Gaps.of(())
+GAP = "gap of the log"
+
+
+@dataclass(frozen=True, slots=True)
 class Event:
     """An axle in one state of Validity, for one cause, from begin until before end (the end of the log, perhaps)."""
 
@@ -112,6 +141,50 @@ class Event:
             return self.detail or "cause not known"
         return self.cause.words + (f" ({self.detail})" if self.detail else "")
 
+    @property
+    def is_gap(self) -> bool:
+        """Whether the log has nobody's frame: nothing is known of the axle."""
+        return self.detail == GAP
+
+
+@dataclass(frozen=True, slots=True)
+class Spells:
+    """How long an axle was in which state. No share counts a gap."""
+
+    events: tuple[Event, ...]
+
+    @property
+    def known_s(self) -> float:
+        """All of it but gaps."""
+        return total_s(e for e in self.events if not e.is_gap)
+
+    @property
+    def gaps_s(self) -> float:
+        """The gaps."""
+        return total_s(e for e in self.events if e.is_gap)
+
+    def lasted_s(self, validity: Validity) -> float:
+        """How long it was of a Validity."""
+        return total_s(e for e in self.events if e.validity is validity and not e.is_gap)
+
+    def share(self, validity: Validity) -> float:
+        """Of what is known, 0 … 1; NaN where nothing is."""
+        return self.lasted_s(validity) / self.known_s if self.known_s else math.nan
+
+    @property
+    def shares(self) -> dict[Cause, float]:
+        """By cause of not being Valid, the largest first."""
+        lasted: dict[Cause, float] = {}
+        for e in self.events:
+            if e.validity is not Validity.VALID and not e.is_gap:
+                lasted[e.cause] = lasted.get(e.cause, 0.0) + e.duration_s
+        return {cause: s / self.known_s for cause, s in sorted(lasted.items(), key=lambda item: -item[1])}
+
+    def longest(self, cause: Cause) -> str:
+        """The detail of a cause when it lasted longest."""
+        longest = max((e for e in reversed(self.events) if e.cause is cause), key=lambda e: e.duration_s)
+        return longest.detail or cause.words
+
 
 @dataclass(frozen=True, slots=True)
 class StoryAxle:
@@ -131,14 +204,15 @@ class StoryAxle:
             return found[-1]
         return self.events[-1] if self.events and time_us == self.events[-1].end_us else None
 
-    def lasted_s(self, validity: Validity) -> float:
-        """Return how long it was of a Validity."""
-        return total_s(e for e in self.events if e.validity is validity)
+    @property
+    def spells(self) -> Spells:
+        """How long it was in which state."""
+        return Spells(self.events)
 
     def not_valid_runs(self) -> list[list[Event]]:
-        """Return events on end that are not Valid, run by run."""
-        groups = itertools.groupby(self.events, key=lambda e: e.validity is Validity.VALID)
-        return [list(run) for valid, run in groups if not valid]
+        """Return events on end that are not Valid, run by run. A gap of the log ends a run."""
+        groups = itertools.groupby(self.events, key=lambda e: (e.validity is Validity.VALID, e.is_gap))
+        return [list(run) for (valid, gap), run in groups if not (valid or gap)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -251,6 +325,7 @@ class Story:
     versions: Mapping[str, str] = field(default_factory=dict)  # wrcd, design and its checksum, Python, libraries
     whole: bool = True  # all of the log could be read
     clock_steps: tuple[ClockStep, ...] = ()
+    gaps: Gaps = NO_GAPS
     accepted: int = 0  # frames that the core accepted, of what is estimated here
     refused: Mapping[tuple[str, Reason], int] = field(default_factory=dict)  # by message and reason, likewise
 

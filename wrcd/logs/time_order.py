@@ -14,7 +14,7 @@ import numpy as np
 from wrcd.bus.frame import Frame
 from wrcd.errors import InputError
 from wrcd.logs.columns import Item, Stretch, stretches
-from wrcd.logs.story_records import ClockStep
+from wrcd.logs.story_records import ClockStep, Gaps
 
 SomeItem = TypeVar("SomeItem", Stretch | tuple[Frame, str], tuple[Frame, str])
 
@@ -23,6 +23,10 @@ BEHIND_US = 10_000
 # A clock steps once and goes on. So many stamps behind among so many frames are frames out of order.
 MIN_BEHIND, AMONG_FRAMES = 3, 1_000
 SORTED_WITHIN_US = 1_000_000
+# A log has no clock to tell a silence from a step of time by. Up to so long between its lines, whoever's they are, is a
+# silence, and its slots are made; longer is a gap, as where the recorder was off. What comes after it is the same.
+MAX_SILENCE_US = 60_000_000
+LAST_TICK_US = 20_000  # before a step of the clock: what was not made of it yet
 
 
 def channel_of(item: Item) -> str:
@@ -54,6 +58,62 @@ def on_channel(items: Iterable[SomeItem], wanted: str | None, log: Path) -> Iter
         raise InputError(f"has several channels: {names}", file=log, key="--channel", hint="name the one to read")
     if wanted is not None and counts and not counts[wanted]:
         raise InputError(f"has no frame on {wanted}, but on {names}", file=log, key="--channel")
+
+
+@dataclass(slots=True)
+class StrayStamps:
+    """Single frames whose stamp lies further than SORTED_WITHIN_US from those of both neighbours, which go on as
+    before: each comes at the time of the one before it. No clock steps for a single frame."""
+
+    log: Path
+    count: int = 0
+    first: int = 0  # its number
+    first_off_us: int = 0
+    _number: int = 0  # of frames before what is looked at
+    _before_us: int | None = None
+
+    def put(self, items: Iterable[SomeItem]) -> Iterator[SomeItem]:
+        """The same frames, each item when the next is known."""
+        held: SomeItem | None = None
+        for item in items:
+            if held is not None:
+                yield self._mended(held, int(item.stamps_us[0]) if isinstance(item, Stretch) else item[0].stamp_us)
+            held = item
+        if held is not None:
+            yield self._mended(held, None)
+
+    def _mended(self, item: SomeItem, after_us: int | None) -> SomeItem:
+        stamps = item.stamps_us if isinstance(item, Stretch) else np.array([item[0].stamp_us])
+        before_us = int(stamps[0]) if self._before_us is None else self._before_us
+        edges = np.concatenate(([before_us], stamps, [stamps[-1] if after_us is None else after_us]))
+        far = np.abs(np.diff(edges)) > SORTED_WITHIN_US
+        stray = far[:-1] & far[1:] & (np.abs(edges[2:] - edges[:-2]) <= SORTED_WITHIN_US)
+        if stray.any():
+            at = np.flatnonzero(stray)
+            if not self.count:
+                self.first, self.first_off_us = self._number + int(at[0]) + 1, int(stamps[at[0]] - edges[at[0]])
+            self.count += len(at)
+            stamps = np.where(stray, edges[:-2], stamps)
+            if isinstance(item, Stretch):
+                item = replace(item, stamps_us=stamps)
+            else:
+                frame, channel = item
+                item = replace(frame, stamp_us=int(stamps[0])), channel
+        self._number += len(stamps)
+        self._before_us = int(stamps[-1])
+        return item
+
+    def warnings(self) -> list[str]:
+        """A sentence for a person, if there are any."""
+        if not self.count:
+            return []
+        one = self.count == 1
+        where = f"frame {self.first}" if one else f"{self.count} frames, first frame {self.first}"
+        way = "ahead of" if self.first_off_us > 0 else "behind"
+        return [
+            f"{self.log}: bad stamp of {where}, {abs(self.first_off_us) * 1e-6:.3g} s {way} its neighbours': taken at "
+            "the time of the frame before"
+        ]
 
 
 @dataclass(slots=True)
@@ -108,7 +168,8 @@ class TimeOrder:
             first = self._newest_us is None or stamps[0] >= self._newest_us - BEHIND_US
             if first and (np.maximum.accumulate(stamps) - stamps).max() <= BEHIND_US:
                 self._number += len(item)
-                self._newest_us = max(int(stamps.max()), self._newest_us or 0)
+                newest_us = int(stamps.max())
+                self._newest_us = newest_us if self._newest_us is None else max(newest_us, self._newest_us)
                 return self._newest_us
         for stamp_us in item.stamps_us.tolist() if isinstance(item, Stretch) else (item[0].stamp_us,):
             self._number += 1
@@ -173,16 +234,23 @@ class Onward:
     """What is added to a log's stamps, for what was drawn last from `items`.
 
     A stamp further than BEHIND_US behind the newest is a step of the clock, as the core takes it: its frame comes at
-    the newest time, and those that follow go on from there.
+    the newest time, and those that follow go on from there. Gaps longer than MAX_SILENCE_US are noted.
     """
 
     def __init__(self) -> None:
         self.correction_us = 0
         self.steps: list[ClockStep] = []
+        self._gaps: list[tuple[int, int]] = []
         self._newest_us: int | None = None
 
+    @property
+    def gaps(self) -> Gaps:
+        """Those so far, in the time that goes on."""
+        return Gaps.of(self._gaps)
+
     def items(self, items: Iterable[SomeItem]) -> Iterator[SomeItem]:
-        """The same frames with their own stamps, a stretch cut where the clock steps."""
+        """The same frames with their own stamps, a stretch cut where the clock steps, and behind the first frame after
+        that: with it, what is left of before is made."""
         for item in items:
             if isinstance(item, Stretch):
                 yield from self._parts(item)
@@ -199,15 +267,33 @@ class Onward:
         frame, channel = item
         return replace(frame, stamp_us=frame.stamp_us + self.correction_us), channel
 
+    def made(self, stamp_us: int) -> int:
+        """The time that goes on, of what a core made of the log. What is left to make when the clock is set back is of
+        before."""
+        if not self.steps:
+            return stamp_us
+        step = self.steps[-1]
+        behind_us = step.at_us - (stamp_us + step.before_us)
+        assert self._newest_us is not None
+        just_now = self._newest_us - step.at_us < LAST_TICK_US
+        if just_now and -LAST_TICK_US < behind_us < LAST_TICK_US < step.back_us:
+            return min(stamp_us + step.before_us, step.at_us)
+        return stamp_us + self.correction_us
+
     def _parts(self, s: Stretch) -> Iterator[Stretch]:
         begin, stamps = 0, s.stamps_us
         while begin < len(s):
+            steps = len(self.steps)
             self._look(int(stamps[begin]))
             assert self._newest_us is not None
             newest = np.maximum.accumulate(np.maximum(stamps[begin:] + self.correction_us, self._newest_us))
             behind = newest - (stamps[begin:] + self.correction_us) > BEHIND_US
             count = int(behind.argmax()) if behind.any() else len(behind)
+            if len(self.steps) > steps:
+                count = 1
             self._newest_us = int(newest[count - 1])
+            for k in np.flatnonzero(np.diff(newest[:count]) > MAX_SILENCE_US).tolist():
+                self._gaps.append((int(newest[k]), int(newest[k + 1])))
             yield s if count == len(s) else s.part(begin, begin + count)
             begin += count
 
@@ -218,4 +304,6 @@ class Onward:
             self.steps.append(ClockStep(self._newest_us, back_us, self.correction_us))
             self.correction_us += back_us
             time_us = self._newest_us
+        if self._newest_us is not None and time_us - self._newest_us > MAX_SILENCE_US:
+            self._gaps.append((self._newest_us, time_us))
         self._newest_us = time_us if self._newest_us is None else max(self._newest_us, time_us)

@@ -34,7 +34,7 @@ GOOD_SHARE = 0.9  # Valid: less is a warning
 
 def judged(story: Story) -> Story:
     """The same story with its verdict. Within a level: of all axles first, then by axle and time."""
-    findings = [*_axles(story), *daemon_findings(story)]
+    findings = [*_axles(story), *_gaps(story), *daemon_findings(story)]
     if not story.axles:
         findings.append(Finding("bad", "No axle has a frame of wrcd: nothing was estimated."))
     order = sorted(findings, key=lambda f: LEVELS.index(f.level))
@@ -42,40 +42,58 @@ def judged(story: Story) -> Story:
 
 
 def _axles(story: Story) -> Iterator[Finding]:
-    never = [a for a in story.axles if not a.lasted_s(Validity.VALID)]
+    never = [a for a in story.axles if not a.spells.lasted_s(Validity.VALID)]
     if never and len(never) == len(story.axles):
         if story.end_us == story.begin_us:
             yield Finding("bad", "All frames of the log are of one moment: there is nothing to tell of.")
             return
-        span = seconds((story.end_us - story.begin_us) * 1e-6)
+        span = seconds((story.end_us - story.begin_us - story.gaps.total_us) * 1e-6)
         whose = "The axle" if len(never) == 1 else "No axle"
         was = "was never" if len(never) == 1 else "was ever"
         yield Finding("bad", f"{whose} {was} Valid in {span} of log: not one value was to be used.")
     for axle in story.axles:
-        if not axle.lasted_s(Validity.VALID) and axle.events:
+        if not axle.spells.lasted_s(Validity.VALID) and axle.events:
             yield _never_valid(story, axle)
     for axle in story.axles:
         yield from _falls(story, axle)
-        if axle.lasted_s(Validity.VALID):
+        if axle.spells.lasted_s(Validity.VALID):
             yield _share(story, axle)
         yield from _outages(story, axle)
         yield from _contradictions(story, axle)
         yield from _truth(story, axle)
 
 
+def _gaps(story: Story) -> Iterator[Finding]:
+    """Where the log has no frame at all."""
+    begin_us, end_us = story.gaps.begin_us.tolist(), story.gaps.end_us.tolist()
+    if not begin_us:
+        return
+    k = max(range(len(begin_us)), key=lambda k: end_us[k] - begin_us[k])
+    longest = seconds((end_us[k] - begin_us[k]) * 1e-6)
+    times = "a gap" if len(begin_us) == 1 else f"{len(begin_us)} gaps, {seconds(story.gaps.total_us * 1e-6)} in all"
+    which = (
+        f"from {at(story, begin_us[k])} on" if len(begin_us) == 1 else f"the longest from {at(story, begin_us[k])} on"
+    )
+    yield Finding(
+        "note", f"The log has {times}, {which} ({longest}): no frame at all, and no part of any share.",
+        0, begin_us[k], end_us[k],
+    )  # fmt: skip
+
+
 def _never_valid(story: Story, axle: StoryAxle) -> Finding:
     """The cause that lasted longest says why."""
     lasted: dict[tuple[Cause, str], float] = {}
-    for e in axle.events:
+    known = [e for e in axle.events if not e.is_gap]
+    for e in known:
         key = e.cause, "" if e.cause else e.detail
         lasted[key] = lasted.get(key, 0.0) + e.duration_s
     main = max(lasted, key=lambda key: lasted[key])
-    first = next(e for e in axle.events if (e.cause, "" if e.cause else e.detail) == main)
+    first = next(e for e in known if (e.cause, "" if e.cause else e.detail) == main)
     label = f"{first.cause.label}, " if first.cause else ""
     return Finding(
         "bad",
         f"Axle {axle.number} was never Valid: {first.because} ({label}from {at(story, first.begin_us)} on, "
-        f"{seconds(lasted[main])} in all); all causes: {causes(axle.events)}.",
+        f"{seconds(lasted[main])} in all); all causes: {causes(known)}.",
         axle.number, first.begin_us, story.end_us,
     )  # fmt: skip
 
@@ -121,7 +139,7 @@ def _outages(story: Story, axle: StoryAxle) -> Iterator[Finding]:
         if total_s(run) >= MIN_OUTAGE_S
         and not any(f.begin_us <= run[-1].end_us and f.end_us >= run[0].begin_us for f in own)
     ]
-    if not axle.lasted_s(Validity.VALID):
+    if not axle.spells.lasted_s(Validity.VALID):
         return
     longest = sorted(runs, key=lambda run: -total_s(run))[:MAX_OUTAGES]
     for run in sorted(longest, key=lambda run: run[0].begin_us):
@@ -150,21 +168,22 @@ def _begins_not_valid(axle: StoryAxle) -> bool:
 
 
 def _share(story: Story, axle: StoryAxle) -> Finding:
-    span_s = (story.end_us - story.begin_us) * 1e-6
-    share = axle.lasted_s(Validity.VALID) / span_s if span_s else 0.0
+    share = axle.spells.share(Validity.VALID)
     parts = []
     for validity in (Validity.DEGRADED, Validity.NOT_AVAILABLE):
-        lasted = [e for e in axle.events if e.validity is validity]
+        lasted = [e for e in axle.events if e.validity is validity and not e.is_gap]
         if lasted:
             parts.append(f"{validity.value} {seconds(total_s(lasted))} ({causes(lasted)})")
-    odd = [e for e in axle.events if e.validity is not Validity.VALID and e.cause is not Cause.WARMING_UP]
+    odd = [
+        e for e in axle.events if e.validity is not Validity.VALID and e.cause is not Cause.WARMING_UP and not e.is_gap
+    ]
     warm_up_s = total_s(e for e in axle.events if e.cause is Cause.WARMING_UP)
     short = warm_up_s <= MAX_WARM_UPS * story.config.design.window_s and share >= MIN_SHARE
     good = share >= GOOD_SHARE or (short and not odd)
     level = "good" if good and not odd else "note" if good or not odd else "warning"
     return Finding(
         level,
-        f"Axle {axle.number} was Valid for {100 * share:.1f} % of {seconds(span_s)}"
+        f"Axle {axle.number} was Valid for {100 * share:.1f} % of {seconds(axle.spells.known_s)}"
         + (f"; {'; '.join(parts)}." if parts else "."),
         axle.number,
     )

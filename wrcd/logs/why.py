@@ -73,7 +73,7 @@ def explain(story: Story, axle_number: int, time_us: int) -> Explanation:
     a = axle.adhesion
     cycle_us = next(x.adhesion.cycle_us for x in story.config.axles if x.number == axle_number)
     event = axle.event_at(time_us)
-    silent = event is not None and not event.cause and event.detail == NO_FRAME
+    silent = event is not None and not event.cause and (event.is_gap or event.detail == NO_FRAME)
     row = None if silent else newest(a.time_us, time_us, STALE_AFTER * cycle_us)
     d, h, t = axle.detail, axle.health, axle.truth
     shown = None if d is None else newest(d.time_us, time_us, DETAIL_MAX_AGE_US)

@@ -48,6 +48,7 @@ DEFAULT_CYCLE_US = 5_000  # of a message for which nobody states one
 TRUTH_CYCLE_US = 20_000
 MAX_REFUSED = 20_000  # of a message, whose times are kept
 MAX_AGE_US = 1_000_000  # a value older than that is not shown
+AGE_SPAN_US = 10_000_000  # looked back over for the newest frame that carries a multiplexed input
 REPORTED = (Quantity.YAW_RATE, Quantity.LAT_ACCEL, Quantity.TORQUE, Quantity.SPEED)  # by InputHealth, in its order
 # what a person reads: a unit and its factor from SI
 UNITS: Mapping[Quantity, tuple[str, float]] = {
@@ -299,14 +300,15 @@ class BusModel:
     def take(self, batch: Batch, until_us: int) -> None:
         """Take frames in the order of their arrival, and until when there are no others (0: not known)."""
         if len(batch):
-            times = self._times(batch.stamp_us)
             if self.begin_us is None:
-                self.begin_us = int(times[0])
+                self.begin_us = self.now_us = self._looked_us = int(batch.stamp_us[0])
+            times = self._times(batch.stamp_us)
             self.held.add(batch)
             self.load.take(batch, times)
             self._sort(batch, times)
             self.now_us = max(self.now_us, int(times[-1]))
-        self.now_us = max(self.now_us, until_us + self._correction_us)
+        if until_us:
+            self.now_us = max(self.now_us, until_us + self._correction_us)
 
     def take_estimated(self, frames: Scan) -> None:
         """Take what a core made of the frames: that was never on the bus, and only the axles' columns have it."""
@@ -376,7 +378,7 @@ class BusModel:
             if place not in i.source.axles:
                 continue
             watched = self.watched[message_key(find_message(self.config.database, i.source.message))]
-            age_us, counted = watched.age_us(at_us), watched.refused_within(at_us)
+            rate_hz, age_us, counted = watched.rate_hz(at_us), watched.age_us(at_us), watched.refused_within(at_us)
             reach, refused = None, [f"{reason} {n}/s" for reason, n in counted.items()]
             if health is not None and row is not None and i.source.quantity in REPORTED:
                 column = REPORTED.index(i.source.quantity)
@@ -384,11 +386,16 @@ class BusModel:
                 if 0 < reason < len(REASONS) and REASONS[reason] not in counted:
                     refused.append(REASONS[reason])
             unit, scale = UNITS[i.source.quantity]
-            values = self.inputs.values(recent, i)[1]
+            times, values = self.inputs.values(recent, i)
+            if self.inputs.is_multiplexed(i):
+                rate_hz = float((times > at_us - SECOND_US).sum()) * 1e6 / SECOND_US
+                if not len(times):
+                    times = self.inputs.values(self.inputs_within(at_us - AGE_SPAN_US, at_us), i)[0]
+                age_us = at_us - int(times[-1]) if len(times) else None
             values = values[np.isfinite(values)]
             out.append(
                 InputNow(
-                    i.source.quantity, watched.rate_hz(at_us), None if age_us is None else age_us / 1000,
+                    i.source.quantity, rate_hz, None if age_us is None else age_us / 1000,
                     i.timeout_us / 1000, reach, ", ".join(refused), float(values[-1]) * scale if len(values) else None,
                     unit,
                 )

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wrcd.core.causes import Validity
+from wrcd.core.input_buffers import NEVER
 from wrcd.logs.story_events import NO_FRAME, falls_of, of_frames
 from wrcd.logs.story_records import Event, Fall, StoryAxle
 
@@ -94,7 +95,7 @@ class History:
         """Return falls and rises that have ended at a time, oldest first."""
         return [f for f in self._falls if until_us is None or f.end_us <= until_us]
 
-    def events(self, begin_us: int = 0, end_us: int | None = None, until_us: int | None = None) -> list[Event]:
+    def events(self, begin_us: int = NEVER, end_us: int | None = None, until_us: int | None = None) -> list[Event]:
         """Return those that touch a time, oldest first, as if nothing had come after until_us."""
         limits = [t for t in (end_us, until_us) if t is not None]
         first = max(bisect_right(self._events, begin_us, key=lambda e: e.begin_us) - 1, 0)

@@ -195,9 +195,10 @@ def model_of_log(
     what the core makes of it. Raises InputError where it cannot be read."""
     model = BusModel(config, databases, bit_rate=bit_rate, hold_s=LONG_S)
     with LogReader(log, channel, shows=True) as reader:
-        for batch in _batches(reader.in_order()):
+        for batch in _batches(reader.onward()):
             model.take(batch, 0)
     model.source, warnings = SENT, reader.warnings
+    model.clock_steps += len(reader.clock.steps)
     if not any(len(a.held.adhesion) for a in model.axles):
         model.source = ESTIMATED
         model.take_estimated(estimate(log, config, channel).sent)

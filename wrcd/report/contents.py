@@ -141,14 +141,14 @@ def causes(story: Story) -> PageFigures:
         by: dict[tuple[Validity, str, str], list[Event]] = defaultdict(list)
         for e in axle.events:
             by[e.validity, *_why(e)].append(e)
-        total = total_s(axle.events) or 1.0
+        known_s = axle.spells.known_s or 1.0
         for (validity, label, why), found in sorted(by.items(), key=lambda kv: -total_s(kv[1])):
             longest = max(found, key=lambda e: e.duration_s)
             begin = (longest.begin_us - story.begin_us) / 1e6
             seconds = total_s(found)
             rows.append((
                 axle.number, StateCell(validity.value), label, why, len(found), f"{seconds:.2f}",
-                f"{100.0 * seconds / total:.2f}", f"{longest.duration_s:.2f}",
+                "" if longest.is_gap else f"{100.0 * seconds / known_s:.2f}", f"{longest.duration_s:.2f}",
                 GoThere(f"{begin:.2f} s", axle.number, begin, begin + longest.duration_s),
             ))  # fmt: skip
     heads = ("axle", "Validity", "cause", "in words", "times", "s in all", "% of the time", "longest, s",
@@ -226,7 +226,7 @@ def described(axle: StoryAxle) -> str:
     text = "There is no available adhesion."
     if len(mu):
         text = f"Available adhesion is {mu.min():.1f} to {mu.max():.1f} %, median {np.median(mu):.1f} %."
-    states = {v: axle.lasted_s(v) for v in Validity}
+    states = {v: axle.spells.lasted_s(v) for v in Validity}
     return f"{text} {', '.join(f'{v.value} {_duration(s)}' for v, s in states.items() if s)}."
 
 
@@ -277,7 +277,7 @@ def _error(axle: StoryAxle) -> float:
 # what is compared of an axle: its name, its unit, how many digits it has
 FIGURES: tuple[tuple[str, str, int, Callable[[StoryAxle], float]], ...] = (
     ("frames", "", 0, lambda a: len(a.adhesion.time_us)),
-    *((v.value, "% of the time", 1, lambda a, v=v: 100.0 * a.lasted_s(v) / total_s(a.events) if a.events else math.nan)
+    *((v.value, "% of the time", 1, lambda a, v=v: 100.0 * a.spells.share(v))
       for v in (Validity.VALID, Validity.DEGRADED, Validity.NOT_AVAILABLE)),
     ("changes of Validity or cause", "", 0, lambda a: max(len(a.events) - 1, 0)),
     ("longest not Valid", "s", 2, lambda a: max(map(total_s, a.not_valid_runs()), default=0.0)),

@@ -87,8 +87,8 @@ def _part(story: Story, axle: StoryAxle) -> dict[str, Any]:
     way = np.bincount(kilometre * n + of, metres, (kilometre.max() + 1) * n).reshape(-1, n)
     hours, km = np.bincount(of, minlength=n) * cycle_s / 3600, way.sum(axis=0) / KILOMETRE
     return {
-        "seconds": len(a) * cycle_s, "way": way.round(1).tolist(),
-        **{name: float((a.validity == VALIDITIES.index(v)).sum()) * cycle_s for v, name in SHARES.items()},
+        "seconds": axle.spells.known_s, "way": way.round(1).tolist(),
+        **{name: axle.spells.lasted_s(v) for v, name in SHARES.items()},
         **{name: sum(e.duration_s for e in axle.events if e.cause is c) for c, name in CAUSES.items()},
         **{f"{of}_{c}": float(v[k]) for of, v in (("hours", hours), ("km", km)) for k, c in enumerate(CLASSES)},
     }  # fmt: skip

@@ -1,6 +1,7 @@
 """`wrcd check --log` and `--live`: logs of the rig, sound and with each thing wrong that it must name."""
 
 import re
+import struct
 import threading
 import time
 from collections.abc import Callable
@@ -81,7 +82,8 @@ def row(text: str, signal: str) -> list[str]:
 
 def test_sound_log_is_fine_and_its_signals_are_told(checked: Checked) -> None:
     status, text = checked(STEADY.format(seconds=6))
-    assert (status, text.splitlines()[0]) == (0, "fine: nothing would stop Valid")
+    verdict = "fine in what the signals tell: nothing would stop Valid. They do not tell 2 of 2 signs and whether"
+    assert (status, text.splitlines()[0]) == (0, f"{verdict} the vehicle is that of the design")
     _, of, per_s, cycle, usual, jitter, longest, refused, seen, step, limit = row(text, "YawRate_A1.YawRate")
     assert (of, per_s, cycle, usual, jitter) == ("yaw_rate 1", "200.1", "5 ms", "5.0", "0.0")
     assert (longest, refused, limit) == ("5.0 / 15", "0.0 %", "0.0 %")
@@ -240,7 +242,107 @@ def test_live_bus_is_listened_to_and_nothing_is_sent(tmp_path: Path, capsys: pyt
 
 def test_live_bus_that_is_silent_says_so(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", "--live", "0.2", "-i", "virtual", "-c", "silent"]) == 3
-    assert "none of other ids came" in capsys.readouterr().out
+    text = capsys.readouterr().out
+    assert "none of other ids came" in text
+    assert float(re.findall(r"no frame of ([\d.]+) s fits", text)[0]) >= 0.2
+
+
+def test_live_bus_that_falls_silent_is_not_fine(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """What is listened to counts, with the silence at its end."""
+    config = tmp_path / "one.toml"
+    config.write_text(packaged(1))
+    bus = open_bus("virtual", "falls-silent")
+    scenario = read_scenario(parse_toml(STEADY.format(seconds=2), "test"), "test")
+    try:
+        rig = RealTime(scenario, bus, None, False)
+
+        def play() -> None:
+            while rig.step():
+                time.sleep(rig.wait_s())
+
+        player = threading.Thread(target=play)
+        player.start()
+        status = main(["check", "--config", str(config), "--live", "4", "-i", "virtual", "-c", "falls-silent"])
+        player.join()
+    finally:
+        bus.shutdown()
+    text = capsys.readouterr().out
+    assert status == 1
+    share, seconds = re.findall(r"axle 1: InputSilent in ([\d.]+) % of ([\d.]+) s", text)[0]
+    assert float(seconds) >= 4.0
+    assert 20.0 < float(share) < 80.0
+    assert float(row(text, "YawRate_A1.YawRate")[6].split(" / ")[0]) > 1000.0
+
+
+FLOATS = """VERSION ""
+NS_ :
+BS_:
+BU_: X
+BO_ 513 Yaw: 8 X
+ SG_ YawRate : 0|64@1- (1,0) [-2|2] "rad/s" X
+
+BO_ 514 Lat: 8 X
+ SG_ LatAccel : 0|64@1- (1,0) [-50|50] "m/s^2" X
+
+BO_ 515 Speed: 8 X
+ SG_ Speed : 0|64@1- (1,0) [0|0] "m/s" X
+
+BO_ 516 Torque: 8 X
+ SG_ Torque : 0|64@1- (1,0) [0|0] "Nm" X
+
+BO_ 145 Adhesion_A1: 8 X
+ SG_ Validity : 12|4@1+ (1,0) [0|2] "" X
+ SG_ MuAvailable : 16|16@1+ (0.01,0) [0|100] "%" X
+
+BA_DEF_ BO_ "GenMsgCycleTime" INT 0 65535;
+BA_DEF_DEF_ "GenMsgCycleTime" 0;
+BA_ "GenMsgCycleTime" BO_ 513 5;
+BA_ "GenMsgCycleTime" BO_ 514 5;
+BA_ "GenMsgCycleTime" BO_ 515 20;
+BA_ "GenMsgCycleTime" BO_ 516 10;
+BA_ "GenMsgCycleTime" BO_ 145 20;
+VAL_ 145 Validity 0 "NotAvailable" 1 "Valid" 2 "Degraded" ;
+VAL_ 145 MuAvailable 65534 "Error" 65535 "NotAvailable" ;
+SIG_VALTYPE_ 513 YawRate : 2;
+SIG_VALTYPE_ 514 LatAccel : 2;
+SIG_VALTYPE_ 515 Speed : 2;
+SIG_VALTYPE_ 516 Torque : 2;
+"""
+FLOATS_CONFIG = """
+dbc = { file = "floats.dbc" }
+wheelset = { name = "multiple-unit" }
+vehicle = { speed = "Speed.Speed" }
+[[axle]]
+number = 1
+adhesion = "Adhesion_A1"
+yaw_rate = "Yaw.YawRate"
+lateral_acceleration = "Lat.LatAccel"
+torque = "Torque.Torque"
+"""
+
+
+@pytest.mark.parametrize("step", [0.0, 0.01], ids=["fine", "quantized"])
+def test_step_of_a_float_is_the_one_that_its_values_have(
+    step: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "floats.dbc").write_text(FLOATS)
+    (tmp_path / "floats.toml").write_text(FLOATS_CONFIG)
+    rng = np.random.default_rng(1)
+    lines = []
+    for k in range(1200):
+        at = f"({1_700_000_000 + k * 0.005:.6f}) can0 "
+        yaw, lat = 3e-4 * rng.standard_normal(), 0.01 * rng.standard_normal()
+        values = {513: yaw, 514: round(lat / step) * step if step else lat}
+        values |= {515: 25.0 + 0.01 * rng.standard_normal()} if k % 4 == 0 else {}
+        values |= {516: 5000.0 + rng.standard_normal()} if k % 2 == 0 else {}
+        lines += [f"{at}{number:03X}#{struct.pack('<d', x).hex().upper()}\n" for number, x in values.items()]
+    (tmp_path / "floats.log").write_text("".join(lines))
+    main(["check", "--config", str(tmp_path / "floats.toml"), "--log", str(tmp_path / "floats.log")])
+    text = capsys.readouterr().out
+    assert "a step of 1 rad/s" not in text
+    assert float(row(text, "Yaw.YawRate")[9].split(" / ")[0]) < 1e-4
+    seen = float(row(text, "Lat.LatAccel")[9].split(" / ")[0])
+    assert seen == pytest.approx(step) if step else seen < 1e-3
 
 
 def test_noise_is_the_white_part_of_a_series() -> None:

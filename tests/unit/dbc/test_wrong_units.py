@@ -147,3 +147,21 @@ def test_speed_is_told_by_what_no_train_reaches(speed_m_s: float, told: bool, na
     faster = ("speed_m_s = 25.0", f"speed_m_s = {speed_m_s}")
     said = named("wet", "", mapping(SPEED, 'unit = "km/h"'), packaged(1), 6, faster)
     assert (f"  {SPEED}: the speed reads as if it were in km/h, 3.6 times too large" in said) is told
+
+
+@pytest.mark.parametrize("speed_m_s", [8.0, 11.1, 14.0])
+def test_speed_read_in_a_wrong_unit_is_told_by_two_axles(speed_m_s: float, named: Named) -> None:
+    """40 km/h read as m/s: one mistake, where it might be both accelerometers'."""
+    said = named(
+        "leaf-patch", "axles = [1, 2]", mapping(SPEED, 'unit = "km/h"', 2), packaged(2), 12,
+        ("speed_m_s = 25.0", f"speed_m_s = {speed_m_s}"),
+    )  # fmt: skip
+    (line,) = said.splitlines()
+    assert line.startswith(f"  {SPEED}: the speed reads as if it were in km/h, 3.6 times too large")
+
+
+@pytest.mark.parametrize("speed_m_s", [5.0, 11.1, 25.0])
+@pytest.mark.parametrize("scenario", ["leaf-patch", "dry", "wet"])
+def test_sound_speed_is_not_accused_by_two_axles(scenario: str, speed_m_s: float, named: Named) -> None:
+    slower = ("speed_m_s = 25.0", f"speed_m_s = {speed_m_s}")
+    assert not named(scenario, "axles = [1, 2]", packaged(2), packaged(2), 12, slower)

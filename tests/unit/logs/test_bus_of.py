@@ -152,8 +152,8 @@ def test_dump_and_check_listen_where_the_environment_says(
 def test_monitor_opens_what_the_environment_says(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(sys.stdin, "isatty", lambda: True)
-    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    for stream in (sys.stdin, sys.stdout, sys.stderr):
+        monkeypatch.setattr(stream, "isatty", lambda: True)
     monkeypatch.setenv("CAN_CHANNEL", "nosuchbus9")
     assert wrcd(["monitor"]) == 3
     said = capsys.readouterr().err

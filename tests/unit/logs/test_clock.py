@@ -1,14 +1,21 @@
 """A log whose clock is set back: times go on, and nothing of two periods is interleaved."""
 
+import csv
+import json
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+from asammdf import MDF
+from mcap.reader import make_reader
 
 from tests.support.story import BEGIN_US, Ride
 from wrcd.bus.frame import Frame
+from wrcd.cli.main import main
 from wrcd.core.causes import Validity
 from wrcd.core.configuration import Config
+from wrcd.dbc.bus_check.check import check_log
 from wrcd.logs.columns import stretches
 from wrcd.logs.story import gather
 from wrcd.logs.time_order import Onward
@@ -77,7 +84,50 @@ def test_clock_that_is_set_back_is_counted_once(ride: Ride, config: Config, tmp_
 
 def test_clock_that_is_set_forward_leaves_no_state_that_holds(ride: Ride, config: Config, tmp_path: Path) -> None:
     story = gather(set_back(ride.log, tmp_path / "forward.log", -1_000_000_000), config)
-    (silent,) = [e for e in story.axles[0].events if e.detail == "no frame of wrcd"]
-    assert silent.duration_s == pytest.approx(1000.0, abs=0.1)
-    valid_s = sum(e.duration_s for e in story.axles[0].events if e.validity is Validity.VALID)
-    assert 5.0 < valid_s < 11.0
+    (gap,) = [e for e in story.axles[0].events if e.is_gap]
+    assert gap.duration_s == pytest.approx(1000.0, abs=0.1)
+    assert 5.0 < story.axles[0].spells.lasted_s(Validity.VALID) < 11.0
+
+
+@pytest.mark.parametrize("back_us", [BACK_US, 3_600_000_000], ids=["6 s", "an hour"])
+def test_check_of_a_log_whose_clock_is_set_back(
+    ride: Ride, tmp_path: Path, capsys: pytest.CaptureFixture[str], back_us: int
+) -> None:
+    check_log(set_back(ride.log, tmp_path / "back.log", back_us), None)
+    text, warnings = capsys.readouterr()
+    assert f"by up to {back_us * 1e-6:.3g} s: taken for steps of the clock" in warnings
+    assert re.search(r"^YawRate_A1\.YawRate .* 200\.\d  5 ms   5\.0    0\.0 ", text, re.MULTILINE)
+    assert " of 11.0 s" in text
+    assert "-" not in re.findall(r"axle 1: Valid .*", text)[0]
+
+
+def test_check_of_a_log_whose_clock_is_set_by_days(
+    ride: Ride, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    check_log(set_back(ride.log, tmp_path / "forward.log", -30 * 86_400_000_000), None)
+    assert "mapped frames in 11.0 s" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("back_us", [2_000_000, 3_600_000_000], ids=["2 s", "an hour"])
+def test_exports_of_a_log_whose_clock_is_set_back(ride: Ride, tmp_path: Path, back_us: int) -> None:
+    """MF4 and MCAP change as often as the CSV, and their times go on."""
+    log = set_back(ride.log, tmp_path / "back.log", back_us)
+    names = [tmp_path / f"a.{suffix}" for suffix in ("csv", "mf4", "mcap")]
+    options = [word for file in names for word in (f"--{file.suffix[1:]}", str(file))]
+    assert main(["replay", str(log), *options]) == 0
+    rows = [row["validity"] for row in csv.DictReader(names[0].read_text().splitlines()) if row["axle"] == "1"]
+    with MDF(names[1]) as mdf:
+        validity = mdf.get("Validity_A1")
+        assert (np.diff(validity.timestamps) > 0).all()
+        assert validity.timestamps[-1] == pytest.approx(11.0, abs=0.05)
+        assert [str(x) for x in validity.samples.astype(str)] == rows
+        assert (np.diff(mdf.get("YawRate_A1").timestamps) >= 0).all()
+        assert all(len(places) == 1 for name, places in mdf.channels_db.items() if name != "time")
+    with names[2].open("rb") as file:
+        of_topic = [
+            (m.log_time, json.loads(m.data)["Validity"])
+            for _, channel, m in make_reader(file).iter_messages()
+            if channel.topic == "/Adhesion_A1"
+        ]
+    assert [word for _, word in of_topic] == rows
+    assert of_topic[-1][0] - of_topic[0][0] == pytest.approx(11.0e9, abs=0.1e9)

@@ -55,3 +55,43 @@ def test_line_keeps_remote_length_and_fd_flags(log: Path, capsys: pytest.Capture
     assert ":: YawRate_A1(" in lines[0]
     assert lines[4] == "(1700000000.000000) can0 101#R5 :: YawRate_A1: remote frame"
     assert lines[5] == f"(1700000000.000000) can0 300##3{'00' * 12}"
+
+
+def test_frames_are_selected_by_axle_message_and_id(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def ids(*options: str) -> list[str]:
+        assert main(["dump", str(log), *options]) == 0
+        return [line.split()[2].partition("#")[0] for line in capsys.readouterr().out.splitlines()]
+
+    assert ids("--id", "101") == ["101", "101"]
+    assert ids("--id", "0x00000101") == ["00000101"]
+    assert ids("--id", "111") == []  # of 11 bits: the frame's has 29
+    assert ids("--id", "103", "--id", "300") == ["103", "300"]
+    assert ids("--message", "YawRate_A3") == ["103"]
+    assert ids("--axle", "3") == ["103"]
+    assert ids("--axle", "1", "--axle", "3", "-n", "2") == ["101", "103"]
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--message", "YawRat_A1"], "--message: no DBC has a message YawRat_A1 — did you mean 'YawRate_A1'?"),
+        (["--axle", "9"], "--axle: the configuration has no axle 9 — it has 1, 2, 3, 4"),
+        (["--id", "1FFFFFFFF"], "--id: '1FFFFFFFF' is no id — hexadecimal: 101, or 18FEF1FE of 29 bits"),
+        (["--id", "Yaw"], "--id: 'Yaw' is no id"),
+    ],
+)
+def test_selection_that_there_is_not_is_refused(
+    options: list[str], said: str, log: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["dump", str(log), *options]) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_option_that_there_is_not_is_answered_with_the_commands_usage(
+    log: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main(["dump", str(log), "--wheel", "1"])
+    said = capsys.readouterr().err
+    assert said.startswith("usage: wrcd dump ")
+    assert "unrecognized arguments: --wheel 1" in said

@@ -15,6 +15,7 @@ from mcap.reader import make_reader
 from sim_ecu.cli.main import main as rig
 from tests.support.scenarios import LogOf
 from wrcd import __version__, resources
+from wrcd.bus.candump import stamp_text
 from wrcd.bus.dbc import load_dbc
 from wrcd.cli.main import main
 from wrcd.config.config import load_config
@@ -44,7 +45,7 @@ def groups_of(mdf: MDF) -> dict[str, Any]:
 
 def plain(signal: str) -> str:
     """A signal's name without whose it is."""
-    return re.sub(r"(_A\d)+(_\d)?$", "", signal)
+    return re.sub(r"(_Changes)?(_A\d)+(_\d)?$", "", signal)
 
 
 def read_mf4(path: Path) -> dict[str, Group]:
@@ -274,3 +275,40 @@ def test_file_begun_of_a_log_that_is_refused_on_the_way_is_removed(
     assert "sort it" in capsys.readouterr().err
     assert begun == [True]
     assert not out.exists()
+
+
+def far(log: Path, seconds: int) -> Path:
+    """The first part of the golden log, so many seconds later."""
+    lines = GOLDEN.read_text().splitlines(keepends=True)[:400]
+    stamps = [round(float(line[1:18]) * 1e6) + 1_000_000 * seconds for line in lines]
+    log.write_text("".join(f"({stamp_text(us)}{line[18:]}" for us, line in zip(stamps, lines, strict=True)))
+    return log
+
+
+@pytest.mark.parametrize("seconds", [90_000_000_000, -1_700_000_009], ids=["the year 4875", "before 1970"])
+def test_stamps_that_a_format_cannot_hold_end_in_one_line(
+    seconds: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What else is written is whole; what was begun of the other is removed."""
+    log, table, mcap = far(tmp_path / "far.log", seconds), tmp_path / "a.csv", tmp_path / "a.mcap"
+    assert replay(log, "--csv", table, "--mcap", mcap) == 1
+    said = capsys.readouterr().err
+    assert f"wrcd: error: {mcap}: --mcap: cannot be written: MCAP has no times before 1970 or after 2554\n" in said
+    assert not mcap.exists()
+    assert len(table.read_text().splitlines()) > 20
+
+
+def test_mf4_of_stamps_that_it_cannot_hold(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    mf4 = tmp_path / "a.mf4"
+    assert replay(far(tmp_path / "far.log", 90_000_000_000), "--mf4", mf4) == 1
+    assert re.search(r"error: .*a\.mf4: --mf4: cannot be written: ", capsys.readouterr().err)
+    assert not mf4.exists()
+
+
+def test_mf4_of_stamps_before_1970_counts_from_the_first_frame(tmp_path: Path) -> None:
+    mf4 = tmp_path / "a.mf4"
+    assert replay(far(tmp_path / "far.log", -1_700_000_009), "--mf4", mf4) == 0
+    with MDF(mf4) as mdf:
+        stamps = mdf.get("YawRate_A1").timestamps
+    assert stamps[0] == 0.0
+    assert (np.diff(stamps) > 0).all()

@@ -17,7 +17,7 @@ GOOD = [
 ]
 frames = st.builds(
     lambda stamp, extended, number, data: Frame(stamp, number if extended else number & 0x7FF, data, extended=extended),
-    st.integers(0, 10_000_000_000_000_000),
+    st.integers(-10_000_000_000_000_000, 10_000_000_000_000_000),
     st.booleans(),
     st.integers(0, 0x1FFFFFFF),
     st.binary(max_size=8),
@@ -111,3 +111,16 @@ def test_file_of_which_nothing_can_be_read_is_an_error(tmp_path: Path) -> None:
     log.write_text("this is no BLF file at all")
     with pytest.raises(InputError, match=rf"{log}: cannot be read: "):
         read(log)
+
+
+def test_stamp_before_1970_has_a_sign() -> None:
+    for stamp_us, text in (
+        (-2_480_000, "(-0000000002.480000)"),
+        (-1, "(-0000000000.000001)"),
+        (0, "(0000000000.000000)"),
+    ):
+        line = format_line(Frame(stamp_us, 0x101, b""), "can0")
+        assert line == f"{text} can0 101#"
+        found = parse_line(line.encode())
+        assert found is not None
+        assert found[0].stamp_us == stamp_us

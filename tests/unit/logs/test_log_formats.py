@@ -8,8 +8,10 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import can
+import numpy as np
 import pytest
 
 from tests.support.can_ids import YAW_RATE_A1
@@ -18,6 +20,7 @@ from wrcd.cli.main import main
 from wrcd.errors import InputError
 from wrcd.logs.damage import Damage
 from wrcd.logs.reader import _errors, log_suffix, read_log, read_stretches
+from wrcd.logs.time_order import frames_of
 
 FRAMES = 400
 START_S = 1_700_000_000
@@ -263,3 +266,114 @@ def test_file_that_fails_asks_for_rights_and_what_finds_no_memory_is_not_damage(
         raise PermissionError(13, "Permission denied")
     with pytest.raises(MemoryError), _errors(Path("a.asc"), Damage(), Exception):
         raise MemoryError
+
+
+ASC_HEAD = (
+    "date Thu Apr 16 01:59:01.000 pm 2020\nbase hex  timestamps absolute\ninternal events logged\n// version 11.0.0\n"
+    "Begin TriggerBlock Thu Apr 16 01:59:01.000 pm 2020\n"
+)
+ASC_FRAMES = "".join(f"   {k / 1000:.6f} 1  101             Rx   d 2 0A {k:02X}\n" for k in range(1, 6))
+ASC_HEADS = {
+    "start": ASC_HEAD + "   0.000000 Start of measurement\n",
+    "FD start (python-can #1786)": ASC_HEAD + "   0.000000 CANFD   Start of measurement\n",
+    "German start": ASC_HEAD + "   0.000000 Start der Messung\n",
+    # BUSMASTER's (can-utils #348)
+    "short": "date Mon Dec 6 11:21:13 am 2021\nbase hex  no internal events logged\n// version 7.1.0\n",
+    "no events": "date Mon Dec 6 11:21:13 am 2021\nbase hex  timestamps absolute\nno internal events logged\n",
+    "nothing": "",
+}
+
+
+@pytest.mark.parametrize("mark", ["", "\ufeff"], ids=["", "byte order mark"])
+@pytest.mark.parametrize("head", ASC_HEADS)
+def test_every_frame_of_an_asc_is_read_whatever_its_head(head: str, mark: str, tmp_path: Path) -> None:
+    log = tmp_path / "a.asc"
+    log.write_text(mark + ASC_HEADS[head] + ASC_FRAMES, encoding="utf-8")
+    found, damage = read(log)
+    assert [f.data[1] for f in found] == [1, 2, 3, 4, 5]
+    assert damage.warnings(log) == []
+
+
+@pytest.mark.parametrize("suffix", [".log", ".log.gz", ".trc", ".csv"])
+def test_byte_order_mark_costs_no_frame(suffix: str, tmp_path: Path) -> None:
+    plain = tmp_path / f"plain{suffix.removesuffix('.gz')}"
+    whole = (write_candump(plain) if suffix.startswith(".log") else write(plain)).read_bytes()
+    log = tmp_path / f"a{suffix}"
+    marked = b"\xef\xbb\xbf" + whole
+    log.write_bytes(gzip.compress(marked) if suffix.endswith(".gz") else marked)
+    found, damage = read(log)
+    assert content(found) == WRITTEN
+    assert damage.warnings(log) == []
+    at_once = [f for item in read_stretches(log, Damage()) for f, _ in frames_of(item)]
+    assert content(at_once) == WRITTEN
+
+
+def test_the_datas_own_length_counts_where_the_dlc_is_a_code(tmp_path: Path) -> None:
+    """DLC 9 … 15 of classical frames (eight bytes) and of PEAK's FD logs (12 … 64), python-can #1245, #1299, #1824."""
+    lengths = (12, 16, 20, 24, 32, 48, 64)
+    fd = [f"{k + 1:7d} {k:13.3f} FD 1      0300 Rx -  {9 + k}   {'5A ' * n}" for k, n in enumerate(lengths)]
+    trc = tmp_path / "a.trc"
+    trc.write_text(";$FILEVERSION=2.1\n;$STARTTIME=46062.4524670150\n;$COLUMNS=N,O,T,B,I,d,R,L,D\n" + "\n".join(fd))
+    found, damage = read(trc)
+    assert [(f.fd, f.data) for f in found] == [(True, b"\x5a" * n) for n in lengths]
+    assert damage.whole
+    asc = tmp_path / "a.asc"
+    classical = [f"   1.0000{k:02d} 1  221  Rx   d {k:X} 00 11 22 33 44 55 66 77\n" for k in range(9, 16)]
+    asc.write_text(ASC_HEADS["start"] + "".join(classical))
+    candump = tmp_path / "a.log"
+    candump.write_text("".join(f"(1.{k:06d}) can0 221#0011223344556677_{k:X}\n" for k in range(9, 16)))
+    for log in (asc, candump):
+        found, damage = read(log)
+        assert [(f.fd, f.data.hex()) for f in found] == [(False, "0011223344556677")] * 7
+        assert damage.whole
+
+
+def test_stamps_before_the_begin_of_a_blf_are_read_with_their_sign(tmp_path: Path) -> None:
+    """The part before a trigger: python-can reads it as the year 2608 (PR 2101)."""
+    log = tmp_path / "a.blf"
+    with can.BLFWriter(log, compression_level=0) as logger:
+        for message in messages()[:6]:
+            logger.on_message_received(message)
+    whole = bytearray(log.read_bytes())
+    for k, place in enumerate([m.start() for m in re.finditer(b"LOBJ", whole)][1:4]):
+        whole[place + 24 : place + 32] = (2**64 - 1_000_000_000 + k * 5_000_000).to_bytes(8, "little")
+    log.write_bytes(whole)
+    found, _ = read(log)
+    expected = [START_S * 1_000_000 + us for us in (-1_000_000, -995_000, -990_000, 15_000, 20_000, 25_000)]
+    assert [f.stamp_us for f in found] == pytest.approx(expected, abs=5)
+
+
+def test_group_of_error_frames_that_nobody_can_read_costs_no_data_frame(tmp_path: Path) -> None:
+    """python-can #1913: it lacks the parts that an error frame has."""
+    from asammdf import MDF, Signal
+    from asammdf.blocks.v4_blocks import SourceInformation
+
+    log, odd = write(tmp_path / "a.mf4"), tmp_path / "odd.mf4"
+    with MDF(log) as mdf:
+        source = SourceInformation(source_type=2, bus_type=2)
+        kind = np.dtype([("CAN_ErrorFrame.ID", "S3")])
+        samples = np.array([(b"abc",)] * 3, kind)
+        mdf.append(Signal(samples, np.array([0.1, 0.2, 0.3]), name="CAN_ErrorFrame", source=source))
+        group: Any = mdf.groups[-1]
+        group.channel_group.flags |= 2  # a bus event
+        mdf.save(odd, overwrite=True)
+    found, damage = read(odd)
+    assert content(found) == WRITTEN
+    (warning,) = damage.warnings(odd)
+    assert "left out a group of error frames" in warning
+
+
+@pytest.mark.parametrize(
+    ("name", "hint"),
+    [
+        ("a.log", "a .log is read as candump -l or -L writes it: (1700000000.000000) can0 101#0011"),
+        ("a.asc", "a .asc is read as Vector's text, by python-can; the suffix tells the format"),
+        ("a.trc.gz", "a .trc is read as PEAK's text, by python-can; the suffix tells the format"),
+        ("a.docx", "the suffix tells the format: .log, .asc, .blf, .trc, .csv, .db, .mf4"),
+    ],
+)
+def test_hint_is_of_the_format_that_the_suffix_tells(name: str, hint: str, tmp_path: Path) -> None:
+    log = tmp_path / name
+    log.write_bytes(gzip.compress(b"nothing\n") if name.endswith(".gz") else b"nothing\n")
+    with pytest.raises(InputError, match=re.escape(hint)):
+        read(log)

@@ -5,17 +5,19 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from wrcd.bus.dbc import find_message
-from wrcd.bus.frame import id_text
+from wrcd.bus.frame import counted_ids, id_text
 from wrcd.bus.units import Quantity
-from wrcd.core.causes import Cause
+from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import Config
-from wrcd.dbc.bus_check.input_figures import Gathered, SignalFigures, Spells
+from wrcd.dbc.bus_check.input_figures import Gathered, SignalFigures
 from wrcd.dbc.bus_check.signs import Fit
+from wrcd.logs.story_records import Spells
 
 OF_COURSE = (Cause.WARMING_UP, Cause.STANDSTILL)  # no fault of bus or configuration
 # What a sound bus gives in places, too: a doubt of a pair of sensors or of an estimate, a start anew.
 OF_PLACES = frozenset((Cause.RESTARTED, *range(Cause.SENSORS_SILENT, Cause.CONTRADICTION + 1)))
 MAX_SHARE, MAX_SHARE_OF_PLACES, MIN_SHARE = 0.01, 0.1, 0.005
+START_S = 0.1  # until every input has come for the first time
 MAX_CYCLE_ERROR = 0.1
 MAX_REFUSED, MAX_AT_LIMIT = 0.001, 0.001
 MAX_STEPS = 4.0  # a converter's step over the noise that the design was made with
@@ -54,8 +56,11 @@ def _silent(config: Config, gathered: Gathered) -> list[BusFinding]:
         numbers = ", ".join(str(config.axles[place].number) for place in gone)
         out.append(BusFinding(True, f"axle{'s' * (len(gone) > 1)} {numbers}", "not one frame of their own came"))
     named = set()
-    for i in config.inputs:
+    for number, i in enumerate(config.inputs):
         name = i.source.message
+        if gathered.carries_none(number):
+            text = "its message comes, but not one frame that carries it: what selects it?"
+            out.append(BusFinding(True, f"{name}.{i.source.signal}", text))
         if gathered.frames[name] or name in named or set(i.source.axles) <= set(gone):
             continue
         named.add(name)
@@ -78,15 +83,18 @@ def _spells(config: Config, gathered: Gathered, spells: Mapping[int, Spells]) ->
         if not _came(config, gathered, place):
             continue
         s = spells[axle.number]
+        begun = s.events[0] if s.events and s.events[0].duration_s < START_S else None
         for cause, share in s.shares.items():
-            if cause in OF_COURSE or not cause or share < MIN_SHARE:
+            later = share - begun.duration_s / s.known_s if begun and begun.cause is cause else share
+            if cause in OF_COURSE or not cause or later < MIN_SHARE:
                 continue
             stops = share >= (MAX_SHARE_OF_PLACES if cause in OF_PLACES else MAX_SHARE)
-            text = f"{cause.label} in {100 * share:.1f} % of {s.all_s:.1f} s: {s.longest(cause)}"
+            also = "; a speed in a wrong unit looks the same" if cause is Cause.ACCEL_SMALL else ""
+            text = f"{cause.label} in {100 * share:.1f} % of {s.known_s:.1f} s: {s.longest(cause)}{also}"
             out.append(BusFinding(stops, f"axle {axle.number}", text))
-        if not s.valid_share and not any(f.stops for f in out if f.where == f"axle {axle.number}"):
+        if not s.lasted_s(Validity.VALID) and not any(f.stops for f in out if f.where == f"axle {axle.number}"):
             why = "the train is too slow" if s.shares.get(Cause.STANDSTILL, 0.0) > 0.5 else "too short to tell"
-            out.append(BusFinding(True, f"axle {axle.number}", f"never Valid in {s.all_s:.1f} s: {why}"))
+            out.append(BusFinding(True, f"axle {axle.number}", f"never Valid in {s.known_s:.1f} s: {why}"))
     return out
 
 
@@ -137,7 +145,6 @@ HEAD = (
     "step / noise",
     "at limit",
 )
-MAX_OTHERS = 8
 
 
 def page(
@@ -147,16 +154,18 @@ def page(
     """Lines."""
     stops = [f for f in findings if f.stops]
     number = len(stops)
-    out = [
-        "fine: nothing would stop Valid"
-        if not stops
-        else f"{number} finding{'s' * (number > 1)} would stop Valid or make it wrong"
-    ]
+    out = [f"{number} finding{'s' * (number > 1)} would stop Valid or make it wrong" if stops else _fine(fits)]
     out += [f"  {f.where}: {f.text}" for f in stops]
     looks = [f for f in findings if not f.stops]
     if looks:
         out += ["worth a look", *(f"  {f.where}: {f.text}" for f in looks)]
-    out += ["", f"{gathered.mapped} mapped frames in {gathered.seconds:.1f} s, {_others(gathered)}", ""]
+    out += ["", f"{gathered.mapped} mapped frames in {gathered.seconds:.1f} s, {_others(gathered)}"]
+    if number := len(gathered.gaps.begin_us):
+        gone_s = gathered.gaps.total_us * 1e-6
+        out.append(
+            f"{number} gap{'s' * (number > 1)} of {gone_s:.1f} s in all without any frame: no part of what follows"
+        )
+    out.append("")
     out += _table(HEAD, [_row(f) for f in found if f.frames])
     out += ["", "signs"]
     out += [f"  {f.what}: {_word(f)}; {f.text}" for f in fits] or ["  nothing to tell them by"]
@@ -166,6 +175,16 @@ def page(
     name = config.design.wheelset.get("name", config.design.name)
     out.append(f"wheelset  the design is for {name!r}; whether the train has it, the signals cannot tell")
     return out
+
+
+def _fine(fits: Sequence[Fit]) -> str:
+    """The verdict where nothing stops Valid, with what could not be seen."""
+    unseen = sum(f.fits is None for f in fits)
+    signs = [f"{unseen} of {len(fits)} signs"] if unseen else [] if fits else ["any sign"]
+    return (
+        "fine in what the signals tell: nothing would stop Valid. "
+        f"They do not tell {' and '.join([*signs, 'whether the vehicle is that of the design'])}"
+    )
 
 
 def nothing(config: Config, gathered: Gathered) -> list[str]:
@@ -181,9 +200,7 @@ def _others(gathered: Gathered) -> str:
     n = gathered.others.total()
     if not n:
         return "none of other ids"
-    most = ", ".join(f"{id_text(key)} {count}" for key, count in gathered.others.most_common(MAX_OTHERS))
-    more = ", …" if len(gathered.others) > MAX_OTHERS else ""
-    return f"{n} of other ids ({most}{more})"
+    return f"{n} of other ids ({counted_ids(gathered.others)})"
 
 
 def _word(f: Fit) -> str:
@@ -193,9 +210,9 @@ def _word(f: Fit) -> str:
 def _lasted(s: Spells) -> str:
     if not s.events:
         return "nothing was said"
-    parts = [f"Valid {100 * s.valid_share:.1f} %"]
+    parts = [f"Valid {100 * s.share(Validity.VALID):.1f} %"]
     parts += [f"{cause.label} {100 * share:.1f} %" for cause, share in s.shares.items() if cause]
-    return f"{', '.join(parts)} of {s.all_s:.1f} s"
+    return f"{', '.join(parts)} of {s.known_s:.1f} s"
 
 
 def _row(f: SignalFigures) -> tuple[str, ...]:

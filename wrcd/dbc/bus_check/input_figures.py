@@ -1,4 +1,4 @@
-"""What the frames of a log or a bus say: the values of each input, in figures, and how long each axle was Valid."""
+"""What the frames of a log or a bus say: the values of each input, in figures."""
 
 import math
 from array import array
@@ -13,12 +13,10 @@ from wrcd.bus.codec import MessageReader, Receiver, Sample
 from wrcd.bus.dbc import cycle_ms, find_message
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
-from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import Config, Input
-from wrcd.core.events import Change
 from wrcd.logs.columns import Columns, Item, Stretch
-from wrcd.logs.story_events import of_changes
-from wrcd.logs.story_records import Event, total_s
+from wrcd.logs.story_records import NO_GAPS, Gaps
+from wrcd.logs.time_order import Onward
 
 MAX_KEPT = 500_000  # of each input's values: 40 min at 200 Hz
 
@@ -32,9 +30,11 @@ class Readings:
 
     stamps: "array[int]" = field(default_factory=lambda: array("q"))
     values: "array[float]" = field(default_factory=lambda: array("d"))
+    frames: int = 0  # that carry it, refused ones too
 
     def add(self, stamp_us: int, value: float) -> None:
         """One more."""
+        self.frames += 1
         if len(self.stamps) < MAX_KEPT:
             self.stamps.append(stamp_us)
             self.values.append(value)
@@ -53,7 +53,9 @@ class Readings:
 class Gathered:
     """What came, frame by frame: the values of each input, the times of each mapped message, who else is there."""
 
-    def __init__(self, config: Config) -> None:
+    def __init__(self, config: Config, clock: Onward | None = None) -> None:
+        """clock: of a log, whose time goes on."""
+        self._clock = clock
         self.receiver = Receiver(config.database, [i.source for i in config.inputs], config.data_ids)
         self._columns = Columns(self.receiver)  # plausible or not
         self.inputs = [Readings() for _ in config.inputs]
@@ -62,17 +64,38 @@ class Gathered:
         self.others: Counter[int] = Counter()  # frames that are not mapped, by key
         self.errors = 0
         self.first_us: int | None = None
-        self.last_us = 0
+        self.last_us = -(1 << 62)
+
+    @property
+    def gaps(self) -> Gaps:
+        """Of the log."""
+        return NO_GAPS if self._clock is None else self._clock.gaps
 
     @property
     def seconds(self) -> float:
-        """From the first frame to the last."""
-        return 0.0 if self.first_us is None else (self.last_us - self.first_us) * 1e-6
+        """From the first frame to the last, or as long as the bus was listened to, without the gaps."""
+        return 0.0 if self.first_us is None else (self.last_us - self.first_us - self.gaps.total_us) * 1e-6
+
+    @property
+    def recorded_us(self) -> tuple[int, int]:
+        """The first and the last time, as if there were no gaps."""
+        first_us = self.first_us or 0
+        return first_us, max(self.last_us - self.gaps.total_us, first_us)
 
     @property
     def mapped(self) -> int:
         """Frames of mapped messages."""
         return self.frames.total()
+
+    def carries_none(self, number: int) -> bool:
+        """Whether frames of an input's message come, but none in which a multiplexer selects it."""
+        readers = self.receiver.readers.values()
+        return any(
+            self.frames[r.name] and not self.inputs[number].frames and s.branch.conditions
+            for r in readers
+            for s in r.signals
+            if s.number == number
+        )
 
     def watched(self, items: Iterable[Item]) -> Iterator[Item]:
         """The same items, each taken down on its way."""
@@ -82,13 +105,15 @@ class Gathered:
 
     def take(self, item: Item) -> None:
         """A frame, or a stretch of them."""
+        if self._clock is not None:
+            item = self._clock.moved(item)
         if isinstance(item, tuple):
             self._frame(item[0])
         elif len(item):
             self._stretch(item)
 
     def _frame(self, frame: Frame) -> None:
-        self._time(frame.stamp_us)
+        self.lasts(frame.stamp_us)
         if frame.error:
             self.errors += 1
             return
@@ -96,23 +121,30 @@ class Gathered:
         if reader is None:
             self.others[frame.key] += 1
             return
-        samples = reader.read(frame)
-        self._take(reader, frame.stamp_us, samples if isinstance(samples, list) else ())
+        self._take(reader, frame.stamp_us, self._samples(reader, frame))
+
+    def _samples(self, reader: MessageReader, frame: Frame) -> Sequence[Sample]:
+        found = reader.read(frame)
+        if isinstance(found, list):
+            return found
+        for number in reader.concerned(frame, found):
+            self.inputs[number].frames += 1
+        return ()
 
     def _stretch(self, s: Stretch) -> None:
-        self._time(int(s.stamps_us[0]))
-        self._time(int(s.stamps_us[-1]))
+        self.lasts(int(s.stamps_us[0]))
+        self.lasts(int(s.stamps_us[-1]))
         keys, counts = np.unique(s.keys, return_counts=True)
         for key, count in zip(keys.tolist(), counts.tolist(), strict=True):
             if key not in self.receiver.readers:
                 self.others[key] += count
         for place, stamp_us, reader, samples in self._columns.read(s):
             if samples is None:
-                found = reader.read(s.frame(place))
-                samples = found if isinstance(found, list) else ()
+                samples = self._samples(reader, s.frame(place))
             self._take(reader, stamp_us, samples)
 
-    def _time(self, stamp_us: int) -> None:
+    def lasts(self, stamp_us: int) -> None:
+        """There was listened at a time."""
         self.first_us = stamp_us if self.first_us is None else min(self.first_us, stamp_us)
         self.last_us = max(self.last_us, stamp_us)
 
@@ -137,9 +169,9 @@ class SignalFigures:
     quantity: str
     unit: str
     axles: tuple[int, ...]  # numbers
-    frames: int  # of its message
+    frames: int  # of its message; of a multiplexed one those that carry it
     per_s: float
-    cycle_ms: int | None  # as the DBC says
+    cycle_ms: int | None  # as the DBC says; of a multiplexed signal it does not
     usual_ms: float  # the mean gap in which nothing is missing
     jitter_ms: float  # 99 of 100 gaps lie within so much of the usual one
     longest_ms: float  # gap
@@ -147,7 +179,7 @@ class SignalFigures:
     refused: Mapping[Reason, int]
     low: float
     high: float
-    step: float  # of its raw value
+    step: float  # of its raw value, of a float the smallest that was seen
     noise: float  # rms of what is no movement: of the fourth difference
     at_limit: float  # share of the values that stand at an end of its range
 
@@ -173,12 +205,12 @@ def _figures(config: Config, gathered: Gathered, number: int, i: Input, refused:
     message = find_message(config.database, s.message)
     reader = next(r for r in gathered.receiver.readers.values() if r.name == s.message)
     signal = next(r for r in reader.signals if r.number == number)
-    values, frames = gathered.inputs[number].si, gathered.frames[s.message]
-    # of a multiplexed message only some frames carry the signal
-    whole = len(values) == 0 or not reader.is_multiplexed
-    stamps = np.array(gathered.times[s.message], dtype=np.int64) if whole else gathered.inputs[number].stamps_us
-    usual, jitter, longest = _gaps(stamps)
-    step = abs(float(signal.scale) * signal.factor)
+    came = gathered.inputs[number]
+    values, stamps, frames = came.si, np.array(gathered.times[s.message], np.int64), gathered.frames[s.message]
+    if signal.branch.conditions:  # only some frames of its message carry it
+        stamps, frames = came.stamps_us, came.frames
+    usual, jitter, longest = _gaps(gathered.gaps.taken_out(stamps), *gathered.recorded_us, whole=frames < MAX_KEPT)
+    step = _float_step(values) if signal.field.is_float else abs(float(signal.scale) * signal.factor)
     lower, upper = signal.ends
     n = len(values)
     stands = (values <= lower) | (values >= upper)
@@ -189,7 +221,7 @@ def _figures(config: Config, gathered: Gathered, number: int, i: Input, refused:
         axles=tuple(config.axles[place].number for place in s.axles),
         frames=frames,
         per_s=frames / gathered.seconds if gathered.seconds > 0 else 0.0,
-        cycle_ms=cycle_ms(message),
+        cycle_ms=None if signal.branch.conditions else cycle_ms(message),
         usual_ms=usual,
         jitter_ms=jitter,
         longest_ms=longest,
@@ -198,18 +230,27 @@ def _figures(config: Config, gathered: Gathered, number: int, i: Input, refused:
         low=float(values.min()) if n else math.nan,
         high=float(values.max()) if n else math.nan,
         step=step,
-        noise=noise(gathered.inputs[number].stamps_us, values),
+        noise=noise(came.stamps_us, values),
         at_limit=float(stands.mean()) if n else math.nan,
     )
 
 
-def _gaps(stamps_us: IntArray) -> tuple[float, float, float]:
-    """The usual gap, the 99th percentile of how far gaps are from it, and the longest, in ms."""
+def _float_step(values: FloatArray) -> float:
+    """The step that values have in fact: one change in a hundred is smaller."""
+    changes = np.abs(np.diff(values))
+    changes = changes[changes > 0.0]
+    return float(np.percentile(changes, 1)) if len(changes) else math.nan
+
+
+def _gaps(stamps_us: IntArray, begin_us: int, end_us: int, *, whole: bool) -> tuple[float, float, float]:
+    """The usual gap, the 99th percentile of how far gaps are from it, and the longest, in ms. The silences at both ends
+    of the log count; whole: the stamps go on until its end."""
     if len(stamps_us) < 2:
         return math.nan, math.nan, math.nan
     gaps = np.diff(stamps_us) / 1000
     usual = float(np.mean(gaps[gaps <= 2 * np.median(gaps)]))  # of those in which nothing is missing
-    return usual, float(np.percentile(np.abs(gaps - usual), 99)), float(gaps.max())
+    silences = (stamps_us[0] - begin_us, (end_us - stamps_us[-1]) * whole)
+    return usual, float(np.percentile(np.abs(gaps - usual), 99)), max(float(gaps.max()), *(x / 1000 for x in silences))
 
 
 def noise(stamps_us: IntArray, values: FloatArray) -> float:
@@ -221,43 +262,3 @@ def noise(stamps_us: IntArray, values: FloatArray) -> float:
     whole = np.convolve(steady, np.ones(4), "valid") == 4
     difference = np.convolve(values, FOURTH_DIFFERENCE, "valid")[whole] / np.linalg.norm(FOURTH_DIFFERENCE)
     return float(np.sqrt(np.mean(difference * difference))) if len(difference) else math.nan
-
-
-@dataclass(frozen=True, slots=True)
-class Spells:
-    """How long an axle was Valid, and how long not, by cause."""
-
-    events: tuple[Event, ...]
-
-    @property
-    def all_s(self) -> float:
-        """All of it."""
-        return total_s(self.events)
-
-    @property
-    def valid_share(self) -> float:
-        """Of all of it."""
-        return self._share([e for e in self.events if e.validity is Validity.VALID])
-
-    @property
-    def shares(self) -> dict[Cause, float]:
-        """By cause of not being Valid, the largest first."""
-        bad = [e for e in self.events if e.validity is not Validity.VALID]
-        shares = {
-            cause: self._share([e for e in bad if e.cause is cause]) for cause in dict.fromkeys(e.cause for e in bad)
-        }
-        return dict(sorted(shares.items(), key=lambda item: -item[1]))
-
-    def longest(self, cause: Cause) -> str:
-        """The detail of a cause when it lasted longest."""
-        longest = max((e for e in reversed(self.events) if e.cause is cause), key=lambda e: e.duration_s)
-        return longest.detail or cause.words
-
-    def _share(self, events: Sequence[Event]) -> float:
-        return total_s(events) / self.all_s if self.all_s else 0.0
-
-
-def spells(axle: int, changes: Sequence[Change], end_us: int) -> Spells:
-    """Of an axle, from its first change of Validity on."""
-    own = [c for c in changes if c.axle == axle]
-    return Spells(of_changes(axle, own, own[0].time_us, end_us) if own else ())

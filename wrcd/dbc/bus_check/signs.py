@@ -109,12 +109,14 @@ def _name(config: Config, quantity: Quantity, place: int) -> str:
 
 
 def means(gathered: Gathered, bin_s: float, series: Sequence[Readings]) -> list[FloatArray]:
-    """Mean values over bins of time, NaN where there are none."""
+    """Mean values over bins of time, NaN where there are none. Gaps of a log have no bins."""
     assert gathered.first_us is not None
+    gaps = gathered.gaps
     bins = max(1, math.ceil(gathered.seconds / bin_s))
     out = []
     for s in series:
-        at = np.minimum(((s.stamps_us - gathered.first_us) * 1e-6 / bin_s).astype(np.int64), bins - 1)
+        times_us = gaps.taken_out(s.stamps_us) - gathered.first_us
+        at = np.minimum((times_us * 1e-6 / bin_s).astype(np.int64), bins - 1)
         counts = np.bincount(at, minlength=bins)
         sums = np.bincount(at, weights=s.si, minlength=bins)
         out.append(np.divide(sums, counts, out=np.full(bins, math.nan), where=counts > 0))

@@ -104,15 +104,39 @@ def wrong_units(
     """The signals that are likelier in another unit than in the one that they are read in. mappings: what the
     configuration's file says of its inputs."""
     out = [*_speeds(config, found), *_torques(config, gathered, found)]
-    for place in range(len(config.axles)):
-        pair = _pair(config, gathered, found, place)
-        out += [] if pair is None else _named(config, pair)
+    places = range(len(config.axles))
+    pairs = [pair for place in places if (pair := _pair(config, gathered, found, place)) is not None]
+    speed = list(_shared(config, pairs))
+    out += speed or [suspect for pair in pairs for suspect in _named(config, pair)]
     return [_finding(mappings, i, units) for i, units in out]
+
+
+def _shared(config: Config, pairs: Sequence[UnitPair]) -> Iterator[Suspect]:
+    """The speed, where its unit alone makes all pairs likely: of several axles it is one mistake, where each axle's
+    accelerometer would be another."""
+
+    def total(speed: float) -> float:
+        costs = 0.0
+        for p in pairs:
+            yaws, lats = ((1.0, *_others(config, i)) for i in p.inputs)
+            costs += min(p.cost(yaw, lat, speed) for yaw, lat in product(yaws, lats))
+        return costs - OTHER_UNIT * (len(pairs) - 1) * (speed != 1.0)
+
+    speeds = [(x, unit, i) for i in _speed_inputs(config) for x, unit in _others(config, i).items()]
+    if len(pairs) < 2 or not speeds:
+        return
+    least, times, unit, i = min(((total(x), x, unit, i) for x, unit, i in speeds), key=lambda found: found[0])
+    if least + CLEAR < total(1.0):
+        yield i, {times: unit}
+
+
+def _speed_inputs(config: Config) -> list[Input]:
+    return [i for i in config.inputs if i.source.quantity is Quantity.SPEED]
 
 
 def _named(config: Config, p: UnitPair) -> Iterator[Suspect]:
     """What all likely hypotheses of a pair and its speed say of the same signals."""
-    speeds = (1.0, *(x for i in config.inputs if i.source.quantity is Quantity.SPEED for x in _others(config, i)))
+    speeds = (1.0, *(x for i in _speed_inputs(config) for x in _others(config, i)))
     known = [{1.0: ""} | _others(config, i) for i in p.inputs]
     costs = {times: p.cost(*times) for times in product(*known, speeds)}
     least = min(costs.values())

@@ -1,0 +1,53 @@
+"""The estimate does not depend on where time begins: a log shifted by a whole multiple of all periods gives the same
+frames."""
+
+from pathlib import Path
+
+import pytest
+
+from wrcd.bus.candump import stamp_text
+from wrcd.cli.main import main
+
+GOLDEN = Path(__file__).parents[2] / "golden" / "leaf-film.log"
+# Slots, E2E counters, and the blocks of the estimator's longest window come again after it.
+PERIOD_US = 15 * 60_000_000
+BEFORE_US = 1_700_000_000_000_000 // PERIOD_US * PERIOD_US
+
+
+def replayed(shift_us: int, folder: Path) -> list[tuple[int, str]]:
+    """Frames that come of the golden log so much earlier: stamps as they were, and what follows them."""
+    log, out = folder / "log.log", folder / "out.log"
+    lines = GOLDEN.read_text().splitlines()
+    stamps = [round(float(line[1:18]) * 1e6) - shift_us for line in lines]
+    log.write_text("".join(f"({stamp_text(us)}{line[18:]}\n" for us, line in zip(stamps, lines, strict=True)))
+    assert main(["replay", str(log), "-o", str(out)]) == 0
+    made = (line.split(maxsplit=1) for line in out.read_text().splitlines())
+    return [(round(float(stamp[1:-1]) * 1e6) + shift_us, rest) for stamp, rest in made]
+
+
+@pytest.mark.parametrize(
+    "shift_us",
+    [
+        BEFORE_US,  # it begins 800 s after 1970
+        # The ticks of a core are numbered from 1970 on: below zero its back-off, its reach and the C window's blocks
+        # take 0 for "none". One core that owns its state is to mend it.
+        pytest.param(BEFORE_US + PERIOD_US, marks=pytest.mark.xfail(reason="ticks before 1970", strict=True)),
+    ],
+    ids=["after 1970", "before 1970"],
+)
+def test_shifted_log_gives_the_same_frames(shift_us: int, tmp_path: Path) -> None:
+    folders = [tmp_path / name for name in ("now", "then")]
+    for folder in folders:
+        folder.mkdir()
+    now, then = (replayed(us, folder) for us, folder in zip((0, shift_us), folders, strict=True))
+    assert len(now) > 1000
+    assert then == now
+
+
+def test_log_before_1970_is_read_and_written_and_not_valid(tmp_path: Path) -> None:
+    """Until then: no estimate, rather than a wrong one."""
+    (tmp_path / "x").mkdir()
+    made = replayed(BEFORE_US + PERIOD_US, tmp_path / "x")
+    adhesion = [rest for _, rest in made if " 091#" in rest]
+    assert len(adhesion) > 200
+    assert {rest.partition("#")[2][2] for rest in adhesion} == {"0"}
