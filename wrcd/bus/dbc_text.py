@@ -15,7 +15,7 @@ _HUGE = tuple(
         r"BO_\s+\d+\s+\w+\s*:\s*\d{5}",
         r":\s*\d{6,}\s*\|",
         r"\|\s*\d{6,}\s*@",
-        r"(?<![\w.])[\d.]+[eE]\+?\d{4}",
+        r"(?<![\w.])[\d.]+[eE]\+?\d{5}",
     )
 )
 # ids of one multiplexed signal, where numbers follow: the keyword alone stands in the list under NS_

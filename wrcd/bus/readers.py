@@ -53,9 +53,11 @@ class SignalReader:
         self.factor = factor(signal.unit, source.quantity) if source.factor is None else source.factor
         low = signal.minimum if source.low is None else source.low
         high = signal.maximum if source.high is None else source.high
-        slack = 0.5 * abs(float(self.scale))
-        self.low = -math.inf if low is None else float(low) - slack
-        self.high = math.inf if high is None else float(high) + slack
+        step = 0.0 if signal.is_float else 0.5 * abs(float(self.scale))
+        self.low, self.high = (
+            toward if x is None else float(x) + math.copysign(step or FLOAT_STEP * abs(float(x)), toward)
+            for x, toward in ((low, -math.inf), (high, math.inf))
+        )
         # by what a frame gives: many a value table has the bit patterns of negative values
         self._choices = {fit_raw(signal, int(raw)): label for raw, label in (signal.choices or {}).items()}
         self.unusable = {raw for raw, label in self._choices.items() if no_measurement(label)}

@@ -37,13 +37,12 @@ _FACTORS: dict[str, dict[str, float]] = {
     "m": {"m": 1.0, "mm": 1e-3, "cm": 1e-2},
 }
 _SPELLINGS = {
-    "°/s": "deg/s",
-    "degps": "deg/s",
-    "degree/s": "deg/s",
-    "kph": "km/h",
-    "kmh": "km/h",
-    "g0": "g",
-    "gee": "g",
+    **dict.fromkeys(("°/s", "º/s", "˚/s", "dps", "degps", "degree/s", "degrees/s", "grad/s", "°ps"), "deg/s"),
+    **dict.fromkeys(("rps", "radps", "radian/s", "radians/s"), "rad/s"),
+    **dict.fromkeys(("kph", "kmh", "kmph", "km/hr", "kmperh"), "km/h"),
+    **dict.fromkeys(("mi/h", "miles/h"), "mph"),
+    **dict.fromkeys(("g0", "gee", "gn"), "g"),
+    **dict.fromkeys(("m/ss", "mps2"), "m/s2"),
     "mps": "m/s",
 }
 
@@ -51,17 +50,17 @@ _SPELLINGS = {
 def factor(unit: str | None, quantity: Quantity) -> float:
     """Factor from a DBC's unit text to the quantity's SI unit. Raises ValueError where the text can't be converted."""
     known = _FACTORS[quantity.unit]
-    text = _plain(unit or "")
+    text = plain_unit(unit or "")
     if text in known:
         return known[text]
     readable = ", ".join(k or "no unit" for k in known)
     raise ValueError(f"unit {unit or ''!r} cannot be converted to {quantity.unit} (known: {readable})")
 
 
-def _plain(unit: str) -> str:
+def plain_unit(unit: str) -> str:
     """One spelling: no blanks, dots or brackets, lower case, 2 for a square."""
     text = unit.strip().lower().replace("²", "2").replace("^2", "2").replace("**2", "2").replace("/s/s", "/s2")
     for mark in (" ", ".", "·", "*", "⋅", "[", "]", "(", ")"):
         text = text.replace(mark, "")
-    text = text.replace("deg/sec", "deg/s").replace("rad/sec", "rad/s").replace("m/sec2", "m/s2")
+    text = text.replace("/second", "/s").replace("/sec", "/s").replace("/sek", "/s")
     return _SPELLINGS.get(text, text)

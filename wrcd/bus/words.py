@@ -7,7 +7,7 @@ or without accents.
 
 import re
 import unicodedata
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 # Whole parts.
 _GOOD = {
@@ -117,6 +117,16 @@ def usable(label: object) -> bool:
 def degraded(label: object) -> bool:
     """Whether a word says that its sender works, but not as it should."""
     return not unusable(label) and any(part in _DEGRADED for part in _parts(label))
+
+
+STATUS_NAMES = re.compile("status|state|valid|quality|health|zustand|guete|güte|qualitaet|qualität", re.IGNORECASE)
+
+
+def tells_status(name: str, unit: str | None, labels: Collection[object]) -> bool:
+    """Whether a signal tells how good others are: by its name, or by its words, a good one and one of failure."""
+    if (unit or "").strip():
+        return False
+    return bool(STATUS_NAMES.search(name)) or (any(map(usable, labels)) and any(map(unusable, labels)))
 
 
 def no_measurement(label: object) -> bool:

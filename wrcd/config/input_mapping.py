@@ -104,9 +104,11 @@ def _to_si(s: Statement, unit: str | None) -> float:
         if s.unit is not None:
             raise s.table.error(str(e), declared.UNIT.name) from None
         hint = "" if s.quantity not in TORQUES else ', or at = "rim" for a force'
-        what = "the DBC states no unit" if not unit else str(e)
+        what = str(e) if unit else "the DBC states no unit" + str(e)[str(e).rindex(" (known") :]
         raise s.table.error(
-            f"{s.message}.{s.signal}: {what}", declared.SIGNAL.name, f"{s.table.line(unit=s.quantity.unit)}{hint}"
+            f"{s.message}.{s.signal}: {what}",
+            declared.SIGNAL.name,
+            f"{s.table.line(unit=TO_FILL_IN)}{hint}",
         ) from None
 
 

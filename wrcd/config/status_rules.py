@@ -4,21 +4,18 @@ A frame is accepted whole or not at all: what one input says of a status that ev
 the message. What lies in one branch of a multiplexer is of the inputs of that branch alone.
 """
 
-import re
 from collections.abc import Mapping, Sequence
 
 from wrcd.bus.dbc import DEFAULT_TIMEOUT_MS, Database, Message, Signal, find_message, timeout_ms
 from wrcd.bus.positions import Branch, branch
 from wrcd.bus.signals import StatusRule
 from wrcd.bus.statuses import STATUS
-from wrcd.bus.words import degraded, unusable, usable
+from wrcd.bus.words import degraded, tells_status, unusable, usable
 from wrcd.config import declared
 from wrcd.config.input_mapping import check_readable, find
 from wrcd.config.raw_values import raw_values, words
 from wrcd.config.section import TO_FILL_IN
 from wrcd.config.statements import Statement, StatusStatement
-
-STATUS_NAMES = re.compile(r"status|state|valid|quality|health", re.IGNORECASE)
 
 
 def status_rules(
@@ -151,9 +148,7 @@ def _usual_rules(
 
 
 def _is_status(signal: Signal) -> bool:
-    """Whether a signal's name says that it is a status, or its words: a good one and one of failure."""
-    table = words(signal).values()
-    return bool(STATUS_NAMES.search(signal.name)) or (any(map(usable, table)) and any(map(unusable, table)))
+    return tells_status(signal.name, signal.unit, words(signal).values())
 
 
 def _frames(of: Branch) -> str:

@@ -10,8 +10,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
-from wrcd.bus.units import Quantity, factor
-from wrcd.bus.words import unusable
+from wrcd.bus.units import Quantity, factor, plain_unit
+from wrcd.bus.words import tells_status, unusable
 from wrcd.dbc.dbc_lines import NO_NODE, DbcText, Message, Signal
 
 
@@ -99,7 +99,6 @@ POOR = _set("poor schlecht estimated geschaetzt")
 LIKELY_GOOD = _set(
     "betrieb messbetrieb messung messen measuring measure operational operation operating running run on ein"
 )
-STATUS_PARTS = ("status", "state", "valid", "quality", "health", "zustand", "guete", "qualitaet")
 CRC_WORDS = _set("crc chk checksum pruefsumme chksum cs prf")
 COUNTER_WORDS = _set("counter cnt ctr alive sqc seq sequence bz zaehler botschaftszaehler rolling rc lebenszaehler mc")
 
@@ -179,7 +178,7 @@ def says_adhesion(s: Signal) -> bool:
 
 def is_status(s: Signal) -> bool:
     """Whether a signal tells how good others are."""
-    return contains(s.name, STATUS_PARTS) and not s.unit.strip()
+    return tells_status(s.name, s.unit, s.labels)
 
 
 def is_crc(s: Signal) -> bool:
@@ -206,7 +205,7 @@ def score(message: Message, s: Signal, quantity: Quantity) -> int:
         named = NAME if contains(s.name, BRAKES) or score(message, s, Quantity.TORQUE) > 0 else 0
     if quantity is Quantity.DIRECTION and _tells_direction(s):
         named += UNIT
-    telling = UNIT if _plain(unit) in look.units else 0
+    telling = UNIT if plain_unit(unit) in look.units else 0
     if telling and not look.by_unit_alone and not named and not inside:
         return 0
     axis = (
@@ -219,11 +218,6 @@ def score(message: Message, s: Signal, quantity: Quantity) -> int:
     if NOT_MEASURED & set(around):
         total += CONTRARY // 2
     return total if named or inside or telling else 0
-
-
-def _plain(unit: str) -> str:
-    text = unit.lower().replace("²", "2").replace("^2", "2").replace("°", "deg").replace("degps", "deg/s")
-    return "".join(c for c in text if c not in " .·*⋅[]()").replace("kmh", "km/h").replace("/sec", "/s")
 
 
 def _tells_direction(s: Signal) -> bool:

@@ -101,6 +101,14 @@ def test_units_are_read_in_the_files_encoding(encoding: str, given: str | None, 
     assert [s.unit for s in effort.signals] == ["N·m", "m/s²"]
 
 
+def test_range_beyond_a_float_of_an_unmapped_signal_refuses_nothing(tmp_path: Path) -> None:
+    """As canmatrix's j1939.dbc has it of the text of a driver's card."""
+    text = (FOLDER / "keywords.dbc").read_text()
+    signal = ' SG_ Card : 0|13824@1+ (1,0) [0|2.745744098767810851571364370E+4161] "" WRC\n'
+    (tmp_path / "own.dbc").write_text(text + "BO_ 1 X: 1728 TCU\n" + signal)
+    assert find_message(load_dbc(tmp_path / "own.dbc"), "Effort").signals
+
+
 @pytest.mark.parametrize(
     "statement",
     [

@@ -15,6 +15,15 @@ from wrcd.bus.units import Quantity, factor
         ("m/s^2", Quantity.LAT_ACCEL, 1.0),
         ("m/s/s", Quantity.LAT_ACCEL, 1.0),
         ("g", Quantity.LAT_ACCEL, 9.80665),
+        ("m/sec^2", Quantity.LAT_ACCEL, 1.0),
+        ("mg", Quantity.LAT_ACCEL, 9.80665e-3),
+        *(
+            (unit, Quantity.YAW_RATE, math.pi / 180)
+            for unit in ("dps", "Grad/s", "deg/sec", "º/s", "degrees/s", "DEG/S")
+        ),
+        *((unit, Quantity.SPEED, 1 / 3.6) for unit in ("kph", "kmh", "km/hr", "kmph", "[km/h]")),
+        *((unit, Quantity.TORQUE, 1000.0) for unit in ("kN·m", "kNm", "kN m", "kN*m")),
+        ("mi/h", Quantity.SPEED, 0.44704),
         ("N·m", Quantity.TORQUE, 1.0),
         ("Nm", Quantity.TORQUE, 1.0),
         ("kN.m", Quantity.TORQUE, 1000.0),

@@ -25,6 +25,7 @@ TORQUE = ' SG_ Torque : 16|16@1- (0.004,0) [-130|130] "kNm" Monitor'
 SPEED = ' SG_ VehicleSpeed : 16|16@1+ (0.01,0) [0|500] "km/h" Monitor,BCU'
 FRICTION = ' SG_ Friction : 16|8@1+ (0.5,0) [0|100] "%" BCU'
 CYCLE = 'BA_ "GenMsgCycleTime" BO_ 529 10;\n'
+J1939 = ('"StandardCAN_FD","ExtendedCAN_FD";', '"J1939PG","ExtendedCAN_FD";')
 FD_640 = (CYCLE, CYCLE + 'BA_ "VFrameFormat" BO_ 640 2;\n')
 CURRENT_24 = ("m0 : 8|16", "m0 : 8|24")
 E2E_641 = (CYCLE, CYCLE + 'BA_ "E2EProfile" BO_ 641 "P11";\nBA_ "E2EDataId" BO_ 641 641;\n')
@@ -83,6 +84,7 @@ PLANTED = [
     Planted("too-long", "BO_ 640 Diagnosis: 4 BCU", "BO_ 640 Diagnosis: 12 BCU", "BO_ 640"),
     Planted("fd-length", "BO_ 640 Diagnosis: 4 BCU", "BO_ 640 Diagnosis: 9 BCU", "BO_ 640 D", more=FD_640),
     Planted("fd-input", CYCLE, CYCLE + 'BA_ "VFrameFormat" BO_ 529 2;\n', "SG_ Torque"),
+    Planted("j1939-id", CYCLE, CYCLE + 'BA_ "VFrameFormat" BO_ 529 2;\n', "BO_ 529 Tcu1", more=J1939),
     Planted("multiplexed-input", *_changed(TORQUE, "Torque :", "Torque m2 :"), "SG_ Torque"),
     # numbers
     Planted("factor-zero", *_changed(CURRENT, "(0.1,0)", "(0,0)"), "Current"),
@@ -168,7 +170,7 @@ def test_every_code_is_planted() -> None:
 
 
 def test_dbc_that_cannot_be_loaded_is_a_finding_beside_the_others(tmp_path: Path) -> None:
-    file, _ = _plant(tmp_path, (CURRENT, CURRENT.replace("(0.1,0)", "(1e9999,0)")), _changed(ACCEL, '"g"', '""'))
+    file, _ = _plant(tmp_path, (CURRENT, CURRENT.replace("(0.1,0)", "(1e99999,0)")), _changed(ACCEL, '"g"', '""'))
     first, second = findings(file)
     assert (first.line, first.code, first.subject) == (19, "unit-missing", "Imu1.AccY")
     assert (second.line, second.code, second.subject) == (35, "not-loadable", "planted.dbc")

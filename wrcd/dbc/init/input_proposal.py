@@ -6,12 +6,11 @@ from dataclasses import dataclass, field
 from wrcd.bus.dbc import DEFAULT_TIMEOUT_MS
 from wrcd.bus.statuses import STATUS
 from wrcd.bus.units import Quantity
+from wrcd.bus.words import STATUS_NAMES, unusable, usable
 from wrcd.bus.words import degraded as is_degraded
-from wrcd.bus.words import unusable, usable
 from wrcd.config.input_mapping import MEASURED
 from wrcd.config.section import toml
 from wrcd.config.statements import TORQUES, VEHICLE_QUANTITIES
-from wrcd.config.status_rules import STATUS_NAMES
 from wrcd.dbc.dbc_lines import DbcText, Signal
 from wrcd.dbc.init.proposal import Proposal
 from wrcd.dbc.recognition import (

@@ -92,6 +92,10 @@ CODES: dict[str, Code] = {
         "It is there only in some of the frames: its own cycle is longer than the message's.",
         "Have it sent in every frame, or state its time-out by GenSigTimeoutTime or `timeout_ms`.",
     ),
+    "j1939-id": Code(
+        "Ids are matched whole, source address and priority too: another sender's frames of the group are not read.",
+        "Give the id that the sender has on the bus.",
+    ),
     # numbers
     "factor-zero": Code(
         "Every frame gives the same value.",

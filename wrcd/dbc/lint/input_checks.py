@@ -37,6 +37,9 @@ def check_inputs(dbc: DbcText, inputs: Collection[SignalCandidate], design: Desi
     """Yield what is wrong with inputs."""
     yield from _units(dbc)
     yield from _statuses(inputs)
+    for m in {c.message.line: c.message for c in inputs}.values():
+        if (dbc.attribute(m, "VFrameFormat") or "").upper() == "J1939PG":
+            yield Flaw(m.line, "j1939-id", m.name, f"id 0x{m.can_id:08X}")
     yield from _cycles(dbc, inputs, design.tick_s)
     for c in inputs:
         s = c.signal
