@@ -15,6 +15,7 @@ class Status(IntEnum):
     BAD_INPUT = 2  # trying again would not mend it
     NOT_THERE = 3  # a bus or a file that may be there on the next try
     INTERRUPTED = 130  # Ctrl-C
+    PIPE_CLOSED = 141  # by the reader of the output, before there was another status
 
 
 class InputError(Exception):
@@ -70,4 +71,9 @@ def need(modules: Sequence[str], extra: str, key: str = "") -> None:
         except ModuleNotFoundError as e:
             if (e.name or "").partition(".")[0] != module.partition(".")[0]:
                 raise
-            raise InputError(f"needs the extra {extra}", key=key, hint=f"pip install 'wrcd[{extra}]'") from None
+            raise InputError(f"needs the extra {extra}", key=key, hint=install_hint(extra)) from None
+
+
+def install_hint(extra: str) -> str:
+    """How an extra is installed: no index has wrcd."""
+    return f"in the source's folder pip install '.[{extra}]', of a wheel pip install 'WHEEL[{extra}]'"

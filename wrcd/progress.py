@@ -14,12 +14,16 @@ class Progress:
     def __init__(self, steps: bool = False) -> None:
         self._terminal = moves(sys.stderr)
         self._steps = steps
-        self._began = self._shown = time.monotonic()
+        self._began = self._shown = self._before = time.monotonic()
+        self._share = 0.0  # of what is going on
 
     def at(self, what: str, share: float | None = None, before: float = 0.0) -> None:
-        """What is going on, and the share of it that is done, from which the time left follows. before: the share that
-        was done when this began."""
+        """What is going on, and the share of it that is done, from which the time left follows; a smaller share than
+        before is of something new. before: the share that was done when this began."""
         now = time.monotonic()
+        if share is not None and share < self._share:
+            self._began = self._before
+        self._share, self._before = self._share if share is None else share, now
         if now - self._shown < EVERY_S if self._terminal else not self._steps:
             return
         self._shown = now

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 
 from wrcd.cli.program import Program
-from wrcd.errors import InputError
+from wrcd.errors import InputError, install_hint
 
 SIM_ECU = Program(
     "sim-ecu",
@@ -49,7 +49,7 @@ def explained(command: Callable[[], int]) -> int:
         extra, package = known
         raise InputError(
             f"the package {package} is missing: sim-ecu needs the extra {extra!r}",
-            hint=f"pip install 'wrcd[{extra}]', or in the source's folder pip install '.[{extra}]'",
+            hint=install_hint(extra),
         ) from None
 
 

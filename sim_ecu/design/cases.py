@@ -37,6 +37,10 @@ BATCH = 2 * LANES  # conditions that are simulated in one call
 Progress = Callable[[str, float], None]  # what is going on, share of it that is done
 
 
+def quietly(what: str, share: float) -> None:
+    """No progress is shown."""
+
+
 @dataclass(frozen=True, slots=True)
 class Condition:
     """One wheelset on one rail, or coming from another. Exactly one of utilisation and creep_of_peak is a number;

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_ecu.design.cases import Plan, Progress
+from sim_ecu.design.cases import Plan, Progress, quietly
 from sim_ecu.design.recordings import Recording
 from sim_ecu.design.side_by_side import SideBySide
 from sim_ecu.jobs.pool import Workers
@@ -63,10 +63,6 @@ class Steps:
 
     decades: FloatArray
     speed_m_s: FloatArray
-
-
-def quietly(what: str, share: float) -> None:
-    """No progress is shown."""
 
 
 def estimator_alone(design: Design, axles: int) -> SideBySide:

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_ecu.design.cases import Plan, Progress
-from sim_ecu.design.features import Features, Steps, features, quietly
+from sim_ecu.design.cases import Plan, Progress, quietly
+from sim_ecu.design.features import Features, Steps, features
 from sim_ecu.design.linear import Gains, Point, steady_state
 from sim_ecu.design.pairs import Watched, intervals
 from sim_ecu.design.pairs import fit as fit_health
@@ -105,7 +105,7 @@ def fitted(
 ) -> dict[str, Any]:  # fmt: skip
     """The document of a bank with the rule base that recordings give it. workers: as of `features`."""
     data, steps = features(with_placeholder_rules(document), recordings, brief.plan, progress, workers=workers)
-    rules = rule_base(brief, data)
+    rules = rule_base(brief, data, progress)
     document = document | fuzzy_part(brief, rules, data) | {"changes": changes(brief, steps)}
     document["fit"] = fit_report(rules, data)
     document["checksum"] = checksum(document)
@@ -125,11 +125,13 @@ def judging(document: dict[str, Any], parts: list[Watched], progress: Progress =
     return document
 
 
-def rule_base(brief: Brief, data: Features) -> RuleBase:
+def rule_base(brief: Brief, data: Features, progress: Progress = quietly) -> RuleBase:
     """The rules of the brief's form that fit the data."""
     sets = [len(names) for names in set_names(brief)]
     given = data.inputs, data.mu_pct, sets, brief.max_rules, data.importance(brief.plan), data.condition
-    return fit_paper(*given) if brief.form == "paper" else fit(*given, data.covers(brief.plan), LOWEST)
+    if brief.form == "paper":
+        return fit_paper(*given)
+    return fit(*given, data.covers(brief.plan), LOWEST, progress)
 
 
 def bank(brief: Brief) -> dict[str, Any]:

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_ecu.design.cases import TURN_S, Condition, Group, Plan, Progress, simulate_group
-from sim_ecu.design.features import quietly
+from sim_ecu.design.cases import TURN_S, Condition, Group, Plan, Progress, quietly, simulate_group
 from sim_ecu.design.recordings import Recording, measured
 from sim_ecu.design.rules import quantiles
 from sim_ecu.design.side_by_side import SideBySide

@@ -5,7 +5,7 @@ by its slopes as the inputs move away from the middle of its sets. The output is
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve
 from scipy.linalg.blas import ssyrk
 
+from sim_ecu.design.cases import Progress, quietly
 from sim_ecu.physics.compiled import compiled
 from wrcd.estimator.paper.fuzzy import LOG_SPREADS
 
@@ -149,6 +150,7 @@ def fit(
     group: IntArray,
     covers: FloatArray,
     lowest: FloatArray | float = -math.inf,
+    progress: Progress = quietly,
 ) -> RuleBase:
     """Sets evenly spaced between the 1 % and 99 % quantiles, the rules that speak for most, outputs by least squares.
 
@@ -166,7 +168,8 @@ def fit(
     low, high = np.maximum(mean - reach, lowest), mean + reach
     low[:k], high[:k] = ends
     middle = np.clip(mean, low, high)
-    local = _Local(centres, rules, inputs, low, high, middle)
+    solutions = FOLDS * ROUNDS_OF_FOLDS + ROUNDS + SPREAD_ROUNDS
+    local = _Local(centres, rules, inputs, low, high, middle, lambda done: progress("rule base", done / solutions))
     none = np.ones(len(rules)), np.zeros((len(rules), inputs.shape[1])), np.zeros(len(rules))
     rest = np.zeros((len(rules), 2)), low, high, middle
     error = np.empty(len(mu_pct))
@@ -200,8 +203,10 @@ class _Local:
 
     def __init__(
         self, centres: list[FloatArray], rules: IntArray, inputs: FloatArray, low: FloatArray, high: FloatArray,
-        middle: FloatArray,
+        middle: FloatArray, solved: Callable[[int], None],
     ) -> None:  # fmt: skip
+        """solved: is told how many solutions have been found."""
+        self._solutions, self._solved = 0, solved
         w = weights(centres, rules, inputs)
         self.share = (w / np.maximum(w.sum(axis=1), 1e-9)[:, None]).astype(np.float32)
         held = np.clip(inputs, low, high)
@@ -240,7 +245,10 @@ class _Local:
             square += ssyrk(1.0, X.T)
             side += X.T @ (root * target[done : done + len(part)].astype(np.float32))
             done += len(part)
-        return np.asarray(solve(square, side, lower=False, assume_a="pos"), dtype=np.float64)
+        found = np.asarray(solve(square, side, lower=False, assume_a="pos"), dtype=np.float64)
+        self._solutions += 1
+        self._solved(self._solutions)
+        return found
 
     def read(self, found: FloatArray, middle: float) -> tuple[FloatArray, FloatArray]:
         """Values in the middle of each rule's sets (r,), and slopes per unit of the columns (r, c)."""

@@ -10,8 +10,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_ecu.design.cases import FloatArray, Group, Progress, held_at
-from sim_ecu.design.features import Features, features, quietly, run
+from sim_ecu.design.cases import FloatArray, Group, Progress, held_at, quietly
+from sim_ecu.design.features import Features, features, run
 from sim_ecu.design.linear import Point
 from sim_ecu.design.make import Brief, bank, rule_base, with_placeholder_rules
 from sim_ecu.design.recordings import Recording, record

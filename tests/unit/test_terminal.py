@@ -111,3 +111,15 @@ def test_time_left_is_of_what_this_run_has_done(clock: list[float], capsys: pyte
     clock[0] += 3.0
     p.at("jobs", 0.8, 0.7)
     assert capsys.readouterr().err == "jobs: 80 %, about 6 s left\n"
+
+
+def test_time_left_is_of_what_is_going_on(clock: list[float], monkeypatch: pytest.MonkeyPatch) -> None:
+    """A long first part does not count for the second."""
+    shown = Terminal()
+    monkeypatch.setattr(sys, "stderr", shown)
+    monkeypatch.setenv("TERM", "xterm")
+    progress = Progress()
+    for seconds, what, share in ((1000.0, "simulated", 0.5), (1000.0, "simulated", 1.0), (10.0, "fitted", 0.25)):
+        clock[0] += seconds
+        progress.at(what, share)
+    assert shown.getvalue().endswith("fitted: 25 %, about 30 s left")

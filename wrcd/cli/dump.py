@@ -2,7 +2,7 @@
 
 import argparse
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from wrcd.core.configuration import Config
 
 PIPE = Path("-")
+EXTENDED_DIGITS = 8  # of an id of 29 bits, as candump writes it
 
 BOLD_GREEN, BOLD_YELLOW, BOLD_RED, PLAIN = "\033[1;32m", "\033[1;33m", "\033[1;31m", "\033[0m"
 _COLOURS = {"Valid": BOLD_GREEN, "Degraded": BOLD_YELLOW, "Error": BOLD_RED, "NotAvailable": BOLD_RED}
@@ -31,6 +32,9 @@ def _add(p: argparse.ArgumentParser) -> None:
     )
     add_bus(p)
     p.add_argument("-n", "--count", type=int, default=0, help="stop after so many frames")
+    p.add_argument("--axle", type=int, action="append", metavar="N", help="only its inputs and wrcd's messages of it")
+    p.add_argument("--message", action="append", metavar="NAME", help="only this message")
+    p.add_argument("--id", action="append", metavar="HEX", help="only this id: 101, or 18FEF1FE of 29 bits")
     add_dbc(p, ", which wins over the configuration's")
     p.add_argument("--config", type=Path, metavar="FILE", help="configuration whose DBC decodes")
 
@@ -49,6 +53,7 @@ def _run(args: argparse.Namespace) -> int:
     # of an id that is in several, the first one's: what was named comes before the configuration's
     databases = (*map(load_dbc, args.dbc), config.database)
     messages = {message_key(m): m for database in reversed(databases) for m in reversed(database.messages)}
+    wanted = _wanted(args, config, messages)
     damage = Damage()
     piped = args.log == PIPE
     log = STANDARD_INPUT if piped else args.log
@@ -62,7 +67,8 @@ def _run(args: argparse.Namespace) -> int:
             frames = on_channel(frames, args.channel, log)
     colour, live = coloured(sys.stdout), piped or log is None
     try:
-        for number, (frame, channel) in enumerate(frames, 1):
+        selected = ((f, channel) for f, channel in frames if wanted is None or (f.key in wanted and not f.error))
+        for number, (frame, channel) in enumerate(selected, 1):
             print(line(frame, channel, messages.get(frame.key), colour), flush=live)
             if number == args.count:
                 break
@@ -70,6 +76,37 @@ def _run(args: argparse.Namespace) -> int:
         for warning in damage.warnings(log or Path()):
             print(f"wrcd: warning: {warning}", file=sys.stderr)
     return Status.DONE if damage.whole else Status.STOPPED
+
+
+def _wanted(args: argparse.Namespace, config: "Config", messages: Mapping[int, "Message"]) -> frozenset[int] | None:
+    """The keys of the frames that are asked for; None: all. Raises InputError for an axle, a message, an id that there
+    is not."""
+    from wrcd.bus.frame import EXTENDED, ID_BITS, STANDARD_BITS
+    from wrcd.config.section import suggest
+    from wrcd.logs.decoder import sent_messages
+
+    if not (args.axle or args.message or args.id):
+        return None
+    keys = {m.name: key for key, m in messages.items()}
+    numbers = [a.number for a in config.axles]
+    names: list[str] = list(args.message or ())
+    for name in names:
+        if name not in keys:
+            raise InputError(f"no DBC has a message {name}", key="--message", hint=suggest(name, list(keys)))
+    for axle in args.axle or ():
+        if axle not in numbers:
+            known = ", ".join(map(str, numbers))
+            raise InputError(f"the configuration has no axle {axle}", key="--axle", hint=f"it has {known}")
+        names += [i.source.message for i in config.inputs if numbers.index(axle) in i.source.axles]
+        names += [output.message for _, number, output in sent_messages(config) if number == axle]
+    found = {keys[name] for name in names}
+    for text in args.id or ():
+        digits = text.lower().removeprefix("0x")
+        number = int(digits, 16) if digits and set(digits) <= set("0123456789abcdef") else ID_BITS + 1
+        if number > ID_BITS:
+            raise InputError(f"{text!r} is no id", key="--id", hint="hexadecimal: 101, or 18FEF1FE of 29 bits")
+        found.add(number | EXTENDED if number > STANDARD_BITS or len(digits) == EXTENDED_DIGITS else number)
+    return frozenset(found)
 
 
 def _live(args: argparse.Namespace, config: "Config") -> Iterator[tuple["Frame", str]]:
@@ -123,8 +160,9 @@ COMMAND = Subcommand(
     "candump lines with the decoded values behind them",
     (
         ("candump -L vcan0 | wrcd dump -", "what a bus carries, through candump's filters, until Ctrl-C"),
-        ("wrcd dump ride.log --dbc train.dbc -n 100", "the first hundred frames of a log, by the train's own DBC, too"),
+        ("wrcd dump ride.log --axle 1 -n 100", "the first hundred frames of a log that are of axle 1"),
     ),
     _add,
     _run,
+    streams=True,
 )

@@ -23,9 +23,12 @@ def _run(args: argparse.Namespace) -> int:
     if args.log is not None and args.interface is not None:
         raise InputError("a log or a bus, not both", key="--interface", hint="leave out LOG or -i")
     need(("textual",), "monitor", "monitor")
-    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+    # Textual draws on standard error: in a file the screen would be empty
+    if not all(stream.isatty() for stream in (sys.stdin, sys.stdout, sys.stderr)):
         raise InputError(
-            "needs a terminal to draw on", key="monitor", hint="over SSH ssh -t; for a pipe there is wrcd dump"
+            "needs a terminal to draw on, for standard error too",
+            key="monitor",
+            hint="over SSH ssh -t; for a pipe there is wrcd dump",
         )
     from wrcd.bus.dbc import load_dbc
     from wrcd.config.config import load_config

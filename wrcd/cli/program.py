@@ -38,6 +38,8 @@ class Subcommand:
     run: Callable[[Namespace], int]
     # whether a bus or a file that is not there has a status of its own: the command is tried again by a unit
     retried: bool = True
+    # whether its output is all that is asked of it: a reader that closes the pipe has enough, and that is 0
+    streams: bool = False
     # whether it has a handler of SIGINT of its own, with these arguments
     own_signals: Callable[[Namespace], bool] = lambda _: False
 
@@ -65,6 +67,10 @@ class Program:
 
     def parser(self, commands: Iterable[Subcommand] | None = None) -> ArgumentParser:
         """Return a parser with these commands, or with all."""
+        return self._parsers(commands)[0]
+
+    def _parsers(self, commands: Iterable[Subcommand] | None) -> tuple[ArgumentParser, dict[str, ArgumentParser]]:
+        """With those of the commands."""
         p = ArgumentParser(prog=self.name, description=self.description)
         p.add_argument("--version", action=Version, help="print versions of package, design and formats, and end")
         parsers = p.add_subparsers(dest="command", required=True, metavar="COMMAND")
@@ -78,19 +84,23 @@ class Program:
                 formatter_class=argparse.RawDescriptionHelpFormatter,
             )
             command.add(added)
-        return p
+        return p, parsers.choices
 
     def run(self, argv: Sequence[str] | None, around: Callable[[Callable[[], int]], int] = lambda run: run()) -> int:
         """Run the command that argv names, within around. Returns the exit status: see Status."""
         argv = sys.argv[1:] if argv is None else list(argv)
         # a daemon's bus is not open yet: it starts without the modules of the other commands
         commands = (self._command(argv[0]),) if argv and argv[0] in self.names else self.commands()
-        args = self.parser(commands).parse_args(argv)
+        parser, of_command = self._parsers(commands)
+        args, unknown = parser.parse_known_args(argv)
+        if unknown:  # the usage that helps is the command's
+            of_command[args.command].error(f"unrecognized arguments: {' '.join(unknown)}")
         command = next(c for c in commands if c.name == args.command)
         own_signals = command.own_signals(args)
         return guarded(
-            self.name, lambda: around(lambda: command.run(args)), retried=command.retried, own_signals=own_signals
-        )
+            self.name, lambda: around(lambda: command.run(args)), retried=command.retried, streams=command.streams,
+            own_signals=own_signals,
+        )  # fmt: skip
 
 
 def sentence(text: str) -> str:
@@ -140,13 +150,17 @@ def _installed(name: str) -> str:
         return "missing"
 
 
-def guarded(name: str, command: Callable[[], int], *, retried: bool = True, own_signals: bool = False) -> int:
-    """Run a command: an InputError is one line and its exit status, Ctrl-C exit 130, a closed pipe no error.
-    A full disk, and whatever else cannot be written to its end, is one line and STOPPED.
+def guarded(
+    name: str, command: Callable[[], int], *, retried: bool = True, streams: bool = False, own_signals: bool = False
+) -> int:
+    """Run a command: an InputError is one line and its exit status, Ctrl-C exit 130. A full disk, and whatever else
+    cannot be written to its end, is one line and STOPPED. A pipe that its reader closes says nothing; the status is the
+    command's own where it has come to one, else PIPE_CLOSED.
 
-    retried: whether a bus or a file that is not there has a status of its own. own_signals: whether the command has a
-    handler of SIGINT of its own.
+    retried: whether a bus or a file that is not there has a status of its own. streams: whether a closed pipe is 0.
+    own_signals: whether the command has a handler of SIGINT of its own.
     """
+    status = int(Status.DONE if streams else Status.PIPE_CLOSED)
     try:
         with _system_interrupt() if own_signals else contextlib.nullcontext():
             status = command()
@@ -159,7 +173,7 @@ def guarded(name: str, command: Callable[[], int], *, retried: bool = True, own_
         return Status.INTERRUPTED
     except BrokenPipeError:  # whoever reads us has enough
         _silence()
-        return 0
+        return status
     except OSError as e:
         if e.errno not in NOT_WRITTEN:
             raise

@@ -1,6 +1,7 @@
 """Exit statuses: every command has a table, and does what it says."""
 
 import errno
+import os
 import re
 import signal
 import subprocess
@@ -248,6 +249,38 @@ def test_full_disk_is_one_line_and_1(line: str, log_of: LogOf) -> None:
     assert done.returncode == Status.STOPPED
     assert len(errors) == 1
     assert errors[0].startswith("wrcd: error: the output cannot be written to its end: No space left on device")
+
+
+# the output's reader has gone before a line is written; the lines are many, or few enough to stay in a buffer
+CLOSED = """
+import os, sys
+from wrcd.cli.program import guarded
+
+lines, streams = map(int, sys.argv[1:])
+reader, writer = os.pipe()
+os.close(reader)
+os.dup2(writer, 1)
+
+def command():
+    for _ in range(lines):
+        print("a line of a page that somebody reads")
+    return 1
+
+sys.exit(guarded("wrcd", command, streams=bool(streams)))
+"""
+
+
+@pytest.mark.parametrize(
+    ("lines", "streams", "status"), [(10, 0, 1), (100_000, 0, Status.PIPE_CLOSED), (100_000, 1, 0), (10, 1, 1)]
+)
+def test_status_of_a_command_whose_reader_closes_the_pipe_is_its_own_or_141(
+    lines: int, streams: int, status: int
+) -> None:
+    """Never the 0 of a check that is fine."""
+    command = [sys.executable, "-c", CLOSED, str(lines), str(streams)]
+    env = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, env=env)
+    assert (done.returncode, done.stderr) == (status, "")
 
 
 def test_other_mistake_of_the_system_keeps_its_traceback() -> None:

@@ -111,3 +111,17 @@ def test_noise_alone_leaves_the_residual_that_is_taken_off(model: int) -> None:
         w = np.stack([lowpass.step(bank.step(row, here, speed)[1].reshape(8, 40)).reshape(4, 2, 40) for row in z])
         power = np.square(w[500:, model]).mean(axis=(0, 2)).sum()
         assert power == pytest.approx(design.noise_power[20, model, channel], rel=0.1)
+
+
+def test_fit_tells_how_far_it_is() -> None:
+    x, mu = data(3000, 1)
+    told: list[tuple[str, float]] = []
+    fit(
+        x, mu, SETS, 18, np.ones(len(x)), np.arange(len(x)), np.full(len(x), COVERS),
+        progress=lambda what, share: told.append((what, share)),
+    )  # fmt: skip
+    shares = [share for _, share in told]
+    assert {what for what, _ in told} == {"rule base"}
+    assert len(shares) > 5
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0

@@ -9,8 +9,7 @@ import pytest
 
 from sim_ecu.cli.main import main
 from sim_ecu.design import training_jobs
-from sim_ecu.design.cases import Plan, draw
-from sim_ecu.design.features import quietly
+from sim_ecu.design.cases import Plan, draw, quietly
 from sim_ecu.design.pairs import EACH, FIRST_SPAN, SOUND_EACH, Watched
 from sim_ecu.design.recordings import Recording, record
 from sim_ecu.design.training_jobs import PART, GroupJob, pairs, recorded, remove_parts
