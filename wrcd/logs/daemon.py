@@ -150,7 +150,7 @@ def _gaps(story: Story) -> Iterator[Finding]:
     cycles = {a.number: a.adhesion.cycle_us for a in story.config.axles}
     for axle in story.axles:
         silent_ms = STALE_AFTER * cycles[axle.number] / 1000  # what a receiver takes for a time-out
-        steps_ms = np.diff(axle.adhesion.time_us) / 1000
+        steps_ms = np.diff(story.gaps.taken_out(axle.adhesion.time_us)) / 1000
         gaps = np.flatnonzero(steps_ms > silent_ms)
         if len(gaps):
             widest = int(gaps[steps_ms[gaps].argmax()])

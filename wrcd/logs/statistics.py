@@ -59,9 +59,10 @@ def bus(
             at, weights=bits(frames.lengths, bool(key & EXTENDED), frames.lengths > PLAIN_BYTES), minlength=len(seconds)
         )
         role = "input" if key in mapped else "output" if key in own else "truth" if key in truth else "other"
-        gaps = np.diff(frames.time_us)
+        recorded_us = scan.gaps.taken_out(frames.time_us)
+        gaps = np.diff(recorded_us)
         # the silence to the log's end counts: of an input that died it is the gap
-        silent = np.append(gaps, scan.end_us - frames.time_us[-1]) if len(gaps) else gaps
+        silent = np.append(gaps, scan.end_us - scan.gaps.total_us - recorded_us[-1]) if len(gaps) else gaps
         widest = int(silent.argmax()) if len(gaps) else 0
         messages.append(
             MessageStatistics(
@@ -69,7 +70,7 @@ def bus(
                 names.get(key, ""),
                 role,
                 len(frames),
-                float(1e6 * len(gaps) / max(frames.time_us[-1] - frames.time_us[0], 1)) if len(gaps) else 0.0,
+                float(1e6 * len(gaps) / max(recorded_us[-1] - recorded_us[0], 1)) if len(gaps) else 0.0,
                 float(silent[widest] / 1000) if len(gaps) else float("nan"),
                 int(frames.time_us[widest]),
                 cycles.get(key, float("nan")),

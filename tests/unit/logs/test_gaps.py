@@ -100,6 +100,10 @@ def test_gap_is_an_event_of_its_own_and_ends_an_outage(logs: tuple[Path, Path], 
     assert all(a.end_us == b.begin_us for a, b in zip(axle.events, axle.events[1:], strict=False))
     assert all(sum(e.duration_s for e in run) < 10.0 for run in axle.not_valid_runs())
     assert any("a gap, from 9.0 s on (3600 s): no frame at all" in f.text for f in story.verdict)
+    assert not any("between wrcd's own frames" in f.text for f in story.verdict)
+    rates = {m.name: m.mean_hz for m in story.bus.messages}
+    assert rates["LatAccel_A1"] == pytest.approx(200.0, abs=0.5)
+    assert max(m.longest_gap_ms for m in story.bus.messages) < 1000.0
 
 
 def test_gap_in_a_log_with_wrcds_frames(ride: Ride, config: Config, tmp_path: Path) -> None:
