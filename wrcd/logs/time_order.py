@@ -63,7 +63,8 @@ def on_channel(items: Iterable[SomeItem], wanted: str | None, log: Path) -> Iter
 @dataclass(slots=True)
 class StrayStamps:
     """Single frames whose stamp lies further than SORTED_WITHIN_US from those of both neighbours, which go on as
-    before: each comes at the time of the one before it. No clock steps for a single frame."""
+    before: each comes at the time of the one before it. No clock steps for a single frame. MIN_BEHIND of them among
+    AMONG_FRAMES are frames out of order, and stay as they are."""
 
     log: Path
     count: int = 0
@@ -71,6 +72,7 @@ class StrayStamps:
     first_off_us: int = 0
     _number: int = 0  # of frames before what is looked at
     _before_us: int | None = None
+    _newest: deque[int] = field(default_factory=deque)  # numbers of frames that lie so, taken for stray or not
 
     def put(self, items: Iterable[SomeItem]) -> Iterator[SomeItem]:
         """The same frames, each item when the next is known."""
@@ -83,13 +85,20 @@ class StrayStamps:
             yield self._mended(held, None)
 
     def _mended(self, item: SomeItem, after_us: int | None) -> SomeItem:
+        if not isinstance(item, Stretch):
+            stamp_us = item[0].stamp_us
+            if abs(stamp_us - (stamp_us if self._before_us is None else self._before_us)) <= SORTED_WITHIN_US:
+                self._number, self._before_us = self._number + 1, stamp_us
+                return item  # most are so, and arrays are slow
         stamps = item.stamps_us if isinstance(item, Stretch) else np.array([item[0].stamp_us])
         before_us = int(stamps[0]) if self._before_us is None else self._before_us
         edges = np.concatenate(([before_us], stamps, [stamps[-1] if after_us is None else after_us]))
         far = np.abs(np.diff(edges)) > SORTED_WITHIN_US
         stray = far[:-1] & far[1:] & (np.abs(edges[2:] - edges[:-2]) <= SORTED_WITHIN_US)
-        if stray.any():
-            at = np.flatnonzero(stray)
+        at = [k for k in np.flatnonzero(stray).tolist() if self._is_single(self._number + k + 1)]
+        if at:
+            stray[:] = False
+            stray[at] = True
             if not self.count:
                 self.first, self.first_off_us = self._number + int(at[0]) + 1, int(stamps[at[0]] - edges[at[0]])
             self.count += len(at)
@@ -102,6 +111,12 @@ class StrayStamps:
         self._number += len(stamps)
         self._before_us = int(stamps[-1])
         return item
+
+    def _is_single(self, number: int) -> bool:
+        self._newest.append(number)
+        while self._newest[0] < number - AMONG_FRAMES:
+            self._newest.popleft()
+        return len(self._newest) < MIN_BEHIND
 
     def warnings(self) -> list[str]:
         """A sentence for a person, if there are any."""

@@ -13,7 +13,9 @@ from wrcd.cli.main import main
 from wrcd.core.causes import Validity
 from wrcd.core.configuration import Config
 from wrcd.dbc.bus_check.check import check_log
+from wrcd.errors import InputError
 from wrcd.logs.log_comparison import compare
+from wrcd.logs.reader import LogReader
 from wrcd.logs.story import gather
 from wrcd.logs.story_records import GAP, Gaps
 
@@ -147,3 +149,12 @@ def test_two_frames_on_end_at_another_time_are_a_clock_that_was_set(ride: Ride, 
     story = gather(log, config)
     assert len(story.clock_steps) == 1
     assert not any("bad stamp" in w for w in story.warnings)
+
+
+@pytest.mark.parametrize("every", [2, 3, 50])
+def test_frames_of_two_recorders_that_are_5_s_apart_are_refused(ride: Ride, tmp_path: Path, every: int) -> None:
+    """They are no stray ones, however single each is."""
+    numbers = iter(range(1, 1 << 30))
+    log = changed(ride.log, tmp_path / "two.log", lambda us, _: us + 5_000_000 * (next(numbers) % every == 0))
+    with pytest.raises(InputError, match="out of time order by more than 1 s"):
+        list(LogReader(log).in_order())
