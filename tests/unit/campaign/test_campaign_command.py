@@ -229,9 +229,10 @@ def test_signal_ends_it_and_the_same_command_goes_on(
 def test_full_disk_is_said_and_the_same_command_goes_on(write: Write, tmp_path: Path) -> None:
     out = tmp_path / "out"
     file = write("seeds = 3", factor="x = [1]")
-    full = subprocess.run(  # no file beyond 1 KiB: a description, but no rows
+    full = subprocess.run(  # no file beyond 1 KiB: a description, but no rows; nor half a module for later programs
         ["bash", "-c", 'ulimit -f 1; exec "$@"', "bash", *RUN, str(file), "-o", str(out), "--jobs", "1"],
         cwd=ROOT, capture_output=True, text=True, timeout=WAIT_S, check=False,
+        env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},
     )  # fmt: skip
     assert full.returncode == Status.STOPPED
     assert "cannot be written" in full.stderr

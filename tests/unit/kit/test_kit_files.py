@@ -4,6 +4,7 @@ import hashlib
 import re
 import resource
 import shlex
+import sys
 from pathlib import Path
 
 import pytest
@@ -83,7 +84,10 @@ def test_file_in_the_place_of_the_folder_or_folder_in_the_place_of_a_file_is_bad
 
 
 @pytest.mark.parametrize("has_old", [False, True])
-def test_disk_that_is_full_leaves_the_folder_as_it_was(tmp_path: Path, has_old: bool) -> None:
+def test_disk_that_is_full_leaves_the_folder_as_it_was(
+    tmp_path: Path, has_old: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)  # half a module would break later programs
     if has_old:
         kit(tmp_path, ROOT / "examples/own-dbc/train.toml", False)
     before = contents(tmp_path)

@@ -127,6 +127,7 @@ def test_full_disk_leaves_no_file(tmp_path: Path) -> None:
         "from pathlib import Path\n"
         "from wrcd.recorder.dump_folder import write_dump\n"
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
+        "sys.dont_write_bytecode = True\n"  # half a module would break later programs
         "resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))\n"
         "try:\n"
         "    write_dump(Path(sys.argv[1]), 'wrcd-c-20261121T172446Z-asked', [b'l' * 9999], b'e', 9, 99999)\n"
