@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import can
 import numpy as np
 import pytest
 
@@ -261,8 +262,21 @@ def test_live_bus_that_falls_silent_is_not_fine(tmp_path: Path, capsys: pytest.C
     """What is listened to counts, with the silence at its end."""
     config = tmp_path / "one.toml"
     config.write_text(packaged(1))
-    with played("falls-silent", 1):
-        status = main(["check", "--config", str(config), "--live", "5", "-i", "virtual", "-c", "falls-silent"])
+    other, stop = open_bus("virtual", "falls-silent"), threading.Event()
+
+    def talk() -> None:
+        while not stop.wait(0.02):
+            other.send(can.Message(arbitration_id=0x7FF, data=b"", is_extended_id=False))
+
+    talker = threading.Thread(target=talk)  # whose frames are no input, and do not stop
+    try:
+        talker.start()
+        with played("falls-silent", 1):
+            status = main(["check", "--config", str(config), "--live", "5", "-i", "virtual", "-c", "falls-silent"])
+    finally:
+        stop.set()
+        talker.join()
+        other.shutdown()
     text = capsys.readouterr().out
     assert status == 1
     (seconds,) = re.findall(r"axle 1: InputSilent in [\d.]+ % of ([\d.]+) s", text)[:1]

@@ -26,7 +26,7 @@ from wrcd.progress import Progress
 
 FINE, WOULD_STOP, NO_FRAME_FITS = 0, 1, 3
 TURN_S = 0.02
-SILENT_US = 100_000  # without a frame of a bus: the clock closes the slots
+SILENT_US = 100_000  # without a mapped frame of a bus: the clock closes the slots
 MAX_LIVE_S = 3600.0
 
 
@@ -68,12 +68,11 @@ def _listened(core: Core, gathered: Gathered, seconds: float, interface: str, ch
     before = signal.signal(signal.SIGINT, stop)
     try:
         while not stopped and (passed := time.monotonic() - began) < seconds:
-            now_us = time.time_ns() // 1000
-            frames = link.receive(now_us)
-            for frame in frames:
+            now_us, seen = time.time_ns() // 1000, core.counts.seen
+            for frame in link.receive(now_us):
                 gathered.take((frame, channel))
                 core.feed(frame)
-            if frames or core.time_us is None:
+            if core.counts.seen > seen or core.time_us is None:
                 heard_us = now_us
             elif now_us - heard_us > SILENT_US:
                 core.advance(now_us)

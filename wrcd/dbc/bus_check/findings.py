@@ -221,7 +221,7 @@ def _row(f: SignalFigures) -> tuple[str, ...]:
 
     of = f"{f.quantity} {','.join(map(str, f.axles))}"
     seen = f"{f.low:.4g} … {f.high:.4g} {f.unit}" if math.isfinite(f.low) else "–"
-    fine = f"{f.step:.2g} / {f.noise:.2g}" if math.isfinite(f.noise) else f"{f.step:.2g} / –"
+    fine = " / ".join(f"{x:.2g}" if math.isfinite(x) else "–" for x in (f.step, f.noise))
     limit = f"{100 * f.at_limit:.1f} %" if math.isfinite(f.at_limit) else "–"
     return (
         f.name, of, f"{f.per_s:.1f}", f"{f.cycle_ms} ms" if f.cycle_ms else "–", ms(f.usual_ms), ms(f.jitter_ms),
