@@ -119,14 +119,15 @@ def degraded(label: object) -> bool:
     return not unusable(label) and any(part in _DEGRADED for part in _parts(label))
 
 
+_NO_UNITS = {"", "-", "--", "1", "bool", "boolean", "bit", "enum", "flag", "none", "n/a"}
 STATUS_NAMES = re.compile("status|state|valid|quality|health|zustand|guete|güte|qualitaet|qualität", re.IGNORECASE)
 
 
 def tells_status(name: str, unit: str | None, labels: Collection[object]) -> bool:
-    """Whether a signal tells how good others are: by its name, or by its words, a good one and one of failure."""
-    if (unit or "").strip():
-        return False
-    return bool(STATUS_NAMES.search(name)) or (any(map(usable, labels)) and any(map(unusable, labels)))
+    """Whether a signal tells how good others are: by its words, a good one and one of failure; or by its name, unless
+    it has a unit, as a quality in percent or a speed that is valid."""
+    by_name = bool(STATUS_NAMES.search(name)) and (unit or "").strip().lower() in _NO_UNITS
+    return by_name or (any(map(usable, labels)) and any(map(unusable, labels)))
 
 
 def no_measurement(label: object) -> bool:

@@ -158,11 +158,6 @@ class Spells:
         """All of it but gaps."""
         return total_s(e for e in self.events if not e.is_gap)
 
-    @property
-    def gaps_s(self) -> float:
-        """The gaps."""
-        return total_s(e for e in self.events if e.is_gap)
-
     def lasted_s(self, validity: Validity) -> float:
         """How long it was of a Validity."""
         return total_s(e for e in self.events if e.validity is validity and not e.is_gap)

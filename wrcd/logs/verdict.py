@@ -71,9 +71,7 @@ def _gaps(story: Story) -> Iterator[Finding]:
     k = max(range(len(begin_us)), key=lambda k: end_us[k] - begin_us[k])
     longest = seconds((end_us[k] - begin_us[k]) * 1e-6)
     times = "a gap" if len(begin_us) == 1 else f"{len(begin_us)} gaps, {seconds(story.gaps.total_us * 1e-6)} in all"
-    which = (
-        f"from {at(story, begin_us[k])} on" if len(begin_us) == 1 else f"the longest from {at(story, begin_us[k])} on"
-    )
+    which = f"{'the longest ' * (len(begin_us) > 1)}from {at(story, begin_us[k])} on"
     yield Finding(
         "note", f"The log has {times}, {which} ({longest}): no frame at all, and no part of any share.",
         0, begin_us[k], end_us[k],

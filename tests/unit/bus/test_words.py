@@ -2,7 +2,7 @@
 
 import pytest
 
-from wrcd.bus.words import degraded, is_reverse, unusable, usable
+from wrcd.bus.words import degraded, is_reverse, tells_status, unusable, usable
 
 GOOD = (
     "Ok", "OK", "okay", "Valid", "Normal", "Good", "NoError", "No_Error", "no fault", "kein_Fehler", "keine Störung",
@@ -50,3 +50,24 @@ def test_good_word_beside_an_unknown_one_is_not_usable(word: str) -> None:
 )
 def test_reverse_is_told_by_its_word(word: str, expected: bool) -> None:
     assert is_reverse(word) is expected
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "labels", "is_status"),
+    [
+        ("Status", None, (), True),
+        ("Status", "-", ("Ok", "Error"), True),
+        ("ImuState", "bool", (), True),
+        ("Zustand_A1", "", (), True),
+        ("Flags", "1", ("valid", "failure"), True),
+        ("Flags", "%", ("Ok", "Error"), True),
+        ("SignalQuality", "%", (), False),
+        ("ValidSpeed", "km/h", ("SNA",), False),
+        ("Gear", "", ("first", "second"), False),
+        ("YawRate", "rad/s", ("Error",), False),
+    ],
+)
+def test_status_is_told_by_name_or_words_whatever_stands_for_no_unit(
+    name: str, unit: str | None, labels: tuple[str, ...], is_status: bool
+) -> None:
+    assert tells_status(name, unit, labels) is is_status
