@@ -149,18 +149,23 @@ class Event:
 
 @dataclass(frozen=True, slots=True)
 class Spells:
-    """How long an axle was in which state. No share counts a gap."""
+    """How long an axle was in which state, gaps left out."""
 
     events: tuple[Event, ...]
 
+    @classmethod
+    def of(cls, events: Iterable[Event]) -> Self:
+        """Those that are no gap."""
+        return cls(tuple(e for e in events if not e.is_gap))
+
     @property
     def known_s(self) -> float:
-        """All of it but gaps."""
-        return total_s(e for e in self.events if not e.is_gap)
+        """All of it."""
+        return total_s(self.events)
 
     def lasted_s(self, validity: Validity) -> float:
         """How long it was of a Validity."""
-        return total_s(e for e in self.events if e.validity is validity and not e.is_gap)
+        return total_s(e for e in self.events if e.validity is validity)
 
     def share(self, validity: Validity) -> float:
         """Of what is known, 0 … 1; NaN where nothing is."""
@@ -171,7 +176,7 @@ class Spells:
         """By cause of not being Valid, the largest first."""
         lasted: dict[Cause, float] = {}
         for e in self.events:
-            if e.validity is not Validity.VALID and not e.is_gap:
+            if e.validity is not Validity.VALID:
                 lasted[e.cause] = lasted.get(e.cause, 0.0) + e.duration_s
         return {cause: s / self.known_s for cause, s in sorted(lasted.items(), key=lambda item: -item[1])}
 
@@ -202,7 +207,7 @@ class StoryAxle:
     @property
     def spells(self) -> Spells:
         """How long it was in which state."""
-        return Spells(self.events)
+        return Spells.of(self.events)
 
     def not_valid_runs(self) -> list[list[Event]]:
         """Return events on end that are not Valid, run by run. A gap of the log ends a run."""

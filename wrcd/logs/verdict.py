@@ -81,7 +81,7 @@ def _gaps(story: Story) -> Iterator[Finding]:
 def _never_valid(story: Story, axle: StoryAxle) -> Finding:
     """The cause that lasted longest says why."""
     lasted: dict[tuple[Cause, str], float] = {}
-    known = [e for e in axle.events if not e.is_gap]
+    known = axle.spells.events
     for e in known:
         key = e.cause, "" if e.cause else e.detail
         lasted[key] = lasted.get(key, 0.0) + e.duration_s
@@ -169,12 +169,10 @@ def _share(story: Story, axle: StoryAxle) -> Finding:
     share = axle.spells.share(Validity.VALID)
     parts = []
     for validity in (Validity.DEGRADED, Validity.NOT_AVAILABLE):
-        lasted = [e for e in axle.events if e.validity is validity and not e.is_gap]
+        lasted = [e for e in axle.spells.events if e.validity is validity]
         if lasted:
             parts.append(f"{validity.value} {seconds(total_s(lasted))} ({causes(lasted)})")
-    odd = [
-        e for e in axle.events if e.validity is not Validity.VALID and e.cause is not Cause.WARMING_UP and not e.is_gap
-    ]
+    odd = [e for e in axle.spells.events if e.validity is not Validity.VALID and e.cause is not Cause.WARMING_UP]
     warm_up_s = total_s(e for e in axle.events if e.cause is Cause.WARMING_UP)
     short = warm_up_s <= MAX_WARM_UPS * story.config.design.window_s and share >= MIN_SHARE
     good = share >= GOOD_SHARE or (short and not odd)

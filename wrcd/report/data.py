@@ -260,7 +260,7 @@ def _truth(story: Story, t: TruthRecord) -> PageTable:
 
 
 def _events(story: Story, axle: StoryAxle) -> PageTable:
-    rows = [(VALIDITIES.index(e.validity), int(e.cause), e.begin_us, e.end_us) for e in axle.events]
+    rows = [(VALIDITIES.index(e.validity), int(e.cause), e.begin_us, e.end_us) for e in axle.spells.events]
     validity, cause, begin, end = np.array(rows, dtype=np.int64).reshape(-1, 4).T
     return {
         "time": _time(story, begin, 1e-6), "end": _time(story, end, 1e-6),

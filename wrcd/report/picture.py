@@ -136,7 +136,7 @@ def _validity(pane: Axes, axle: StoryAxle, span: _Span) -> None:
     """A strip, with the causes inside where there is room, else below, else left out."""
     free_s, free_below_s = -np.inf, -np.inf
     runs: dict[Validity, list[tuple[float, float]]] = {v: [] for v in Validity}
-    for e in axle.events:
+    for e in axle.spells.events:
         begin, length = span.cut(e.begin_us, e.end_us)
         if length <= 0:
             continue

@@ -116,7 +116,7 @@ def _side(story: Story) -> dict[str, Any]:
         "axles": [a.number for a in story.axles],
         "models": list(design.model_names),
         "rules": [sentence(design, r) for r in range(len(design.rules))],
-        "details": {str(a.number): [e.detail for e in a.events] for a in story.axles},
+        "details": {str(a.number): [e.detail for e in a.spells.events] for a in story.axles},
     }
 
 

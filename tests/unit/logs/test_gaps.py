@@ -18,6 +18,7 @@ from wrcd.logs.log_comparison import compare
 from wrcd.logs.reader import LogReader
 from wrcd.logs.story import gather
 from wrcd.logs.story_records import GAP, Gaps
+from wrcd.report.data import tables
 
 HOUR_US = 3_600_000_000
 GONE_AT_US, SILENT_US = 9_000_000, (2_500_000, 3_400_000)
@@ -101,6 +102,9 @@ def test_gap_is_an_event_of_its_own_and_ends_an_outage(logs: tuple[Path, Path], 
     assert sum(e.duration_s for e in axle.events) == pytest.approx((story.end_us - story.begin_us) * 1e-6)
     assert all(a.end_us == b.begin_us for a, b in zip(axle.events, axle.events[1:], strict=False))
     assert all(sum(e.duration_s for e in run) < 10.0 for run in axle.not_valid_runs())
+    table = tables(story)["axle1.events"]  # what the report's strip shows
+    shown_s = table["end"].values - table["time"].values
+    assert shown_s.sum() == pytest.approx(axle.spells.known_s)
     assert any("a gap, from 9.0 s on (3600 s): no frame at all" in f.text for f in story.verdict)
     assert not any("between wrcd's own frames" in f.text for f in story.verdict)
     rates = {m.name: m.mean_hz for m in story.bus.messages}

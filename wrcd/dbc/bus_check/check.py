@@ -111,4 +111,4 @@ def _spells(axle: int, changes: Sequence[Change], gathered: Gathered) -> Spells:
     own = [c for c in changes if c.axle == axle]
     if not own or gathered.first_us is None:
         return Spells(())
-    return Spells(with_gaps(of_changes(axle, own, gathered.first_us, gathered.last_us), gathered.gaps))
+    return Spells.of(with_gaps(of_changes(axle, own, gathered.first_us, gathered.last_us), gathered.gaps))
