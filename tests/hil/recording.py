@@ -32,6 +32,7 @@ END_US = 1 << 62
 # Stamps that jump by more tell of a clock that was set, where it was: slots may come again, and a frame that was made
 # before may leave after it. No pause is longer than the other.
 JUMP_US, PAUSE_US = 300_000, 60_000_000
+SETTLED_US = 10_000  # half of Adhesion's cycle: one turn of a loop
 # a message's id, the number of the cycle that a frame was made for, how often the clock was set before
 Slot = tuple[int, int, int]
 
@@ -129,10 +130,21 @@ class Episode:
         return own[-len(self.config.axles) - (self.config.status is not None) :]
 
     @cached_property
+    def settled(self) -> list[tuple[Slot, Frame]]:
+        """What was sent, but in the moment after the clock was set: what a loop that stood still had made before leaves
+        then, with counters of slots that are still to come."""
+        since_us: dict[int, int] = {0: -END_US}
+        out = []
+        for (can_id, slot, times), f in self.sent:
+            if f.stamp_us - since_us.setdefault(times, f.stamp_us) > SETTLED_US:
+                out.append(((can_id, slot, times), f))
+        return out
+
+    @cached_property
     def slots(self) -> dict[tuple[int, int], list[int]]:
         """Of each message, after the clock was set so often, in the order in which they were sent."""
         out: dict[tuple[int, int], list[int]] = {}
-        for (can_id, slot, times), _ in self.sent:
+        for (can_id, slot, times), _ in self.settled:
             out.setdefault((can_id, times), []).append(slot)
         return out
 
