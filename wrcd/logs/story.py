@@ -160,7 +160,7 @@ def gather(
     torque = {}
     for place, a in enumerate(config.axles):
         truth_record = truth.truth(found, messages.get(a.number))
-        axle = _axle(a.number, adhesions[a.number], own, sent, truth_record, found, estimated)
+        axle = story_axle(a.number, adhesions[a.number], own, sent, truth_record, found, estimated)
         if axle is not None:
             axles.append(axle)
         series = inputs.torque(found, place)
@@ -202,7 +202,7 @@ def _estimate(found: Scan, config: Config, channel: str | None, progress: Progre
     return estimated
 
 
-def _axle(
+def story_axle(
     number: int,
     adhesion: AdhesionRecord | None,
     own: OwnFrames,
@@ -211,7 +211,7 @@ def _axle(
     found: Scan,
     estimated: Estimated | None,
 ) -> StoryAxle | None:
-    """An axle's log; None for one that there is not a frame of."""
+    """An axle's log; None for one that there is not a frame of. found: from when to when it is, and its gaps."""
     if adhesion is None:
         return None
     detail, health = own.detail(sent, number), own.health(sent, number)

@@ -20,11 +20,13 @@ from wrcd.logs.decoder import MessageDecoder, OwnFrames
 from wrcd.logs.mapped_inputs import MappedInputs
 from wrcd.logs.scan import NO_FRAMES, PLAIN_BYTES, Frames, Scan, are_good, rows_by_key
 from wrcd.logs.statistics import BIT_RATE, bits
+from wrcd.logs.story import ESTIMATED, Estimated, story_axle
 from wrcd.logs.story_events import STALE_AFTER
 from wrcd.logs.story_records import (
     AdhesionRecord,
     BusStatistics,
     Detail,
+    Gaps,
     HealthRecord,
     Record,
     Series,
@@ -200,7 +202,7 @@ class AxleModel:
         self.has_detail = config.detail is not None
         self.health_cycle_us = config.inputs.cycle_us if config.inputs else hold_us
         cycles_us: dict[type[Record], int] = {
-            AdhesionRecord: self.cycle_us, Detail: config.detail.cycle_us if config.detail else hold_us,
+            AdhesionRecord: self.cycle_us, Detail: config.detail.cycle_us if config.detail else self.cycle_us,
             HealthRecord: self.health_cycle_us, TruthRecord: TRUTH_CYCLE_US,
         }  # fmt: skip
         self._buffers = {kind: ColumnBuffer(_rows(hold_us, cycle_us)) for kind, cycle_us in cycles_us.items()}
@@ -220,10 +222,15 @@ class AxleModel:
         """Take newer rows of a record."""
         self._buffers[type(record)].append(record.columns())
 
-    def clear(self) -> None:
-        """Forget the daemon's frames."""
+    def know(self, axle: StoryAxle) -> None:
+        """Take what a core made of a log, in place of what the daemon's frames said."""
         for kind in (AdhesionRecord, Detail, HealthRecord):
             self._buffers[kind].clear()
+        self.has_come |= bool((axle.adhesion.validity != 0).any())
+        for record in (axle.adhesion, axle.detail, axle.health):
+            if record is not None:
+                self.append(record)
+        self.history.know(axle.events)
 
     @property
     def held(self) -> StoryAxle:
@@ -310,12 +317,15 @@ class BusModel:
         if until_us:
             self.now_us = max(self.now_us, until_us + self._correction_us)
 
-    def take_estimated(self, frames: Scan) -> None:
-        """Take what a core made of the frames: that was never on the bus, and only the axles' columns have it."""
-        self.is_estimated = True
+    def take_estimated(self, estimated: Estimated, gaps: Gaps) -> None:
+        """Take what a core made of the frames: that was never on the bus, and only the axles have it."""
+        self.source, self.is_estimated, sent = ESTIMATED, True, estimated.sent
+        whole = replace(sent, begin_us=self.begin_us or sent.begin_us, end_us=self.now_us, gaps=gaps)
         for axle in self.axles:
-            axle.clear()
-            axle.take(self._own, frames)
+            adhesion = self._own.adhesion(sent, axle.number)
+            made = story_axle(axle.number, adhesion, self._own, sent, None, whole, estimated)
+            if made is not None:
+                axle.know(made)
 
     @property
     def axles_that_came(self) -> list[AxleModel]:

@@ -42,12 +42,18 @@ class History:
         self._settled: list[Fall] = []
         self._falls: tuple[Fall, ...] = ()
         self._looked_us: int | None = None  # up to there all falls have been found
+        self._is_known = False  # events are not found from rows
+
+    def know(self, events: Sequence[Event]) -> None:
+        """Take all events as who made the rows knows them."""
+        self._events, self._is_known = list(events), True
 
     def update(self, axle: StoryAxle, now_us: int) -> None:
         """Take new rows. now_us: until when everything that came is among them."""
         if not len(axle.adhesion):
             return
-        self._update_events(axle, now_us)
+        if not self._is_known:
+            self._update_events(axle, now_us)
         newest_us = int(axle.adhesion.time_us[-1])
         if self._looked_us is None or newest_us // EVERY_US != self._looked_us // EVERY_US:
             self._update_falls(axle, newest_us)
@@ -140,7 +146,7 @@ def happenings(fell: Sequence[Fall], events: Sequence[Event]) -> list[Happening]
 
 def state_name(e: Event) -> str:
     """Return the word of a state: Validity's, or Silent where no frame came."""
-    return "Silent" if e.detail == NO_FRAME else e.validity.value
+    return "Silent" if e.detail == NO_FRAME or e.is_gap else e.validity.value
 
 
 def event_text(e: Event) -> str:

@@ -21,7 +21,7 @@ from wrcd.core.configuration import Config
 from wrcd.errors import BusError, InputError
 from wrcd.logs.columns import Stretch
 from wrcd.logs.reader import LogReader
-from wrcd.logs.story import ESTIMATED, SENT, estimate
+from wrcd.logs.story import SENT, estimate
 from wrcd.monitor.buffers import Batch
 from wrcd.monitor.bus_model import BusModel
 from wrcd.monitor.bus_reader import FAILED, FRAMES, HEALTH, OPENED, Unpacker
@@ -200,8 +200,7 @@ def model_of_log(
     model.source, warnings = SENT, reader.warnings
     model.clock_steps += len(reader.clock.steps)
     if not any(len(a.held.adhesion) for a in model.axles):
-        model.source = ESTIMATED
-        model.take_estimated(estimate(log, config, channel).sent)
+        model.take_estimated(estimate(log, config, channel), reader.clock.gaps)
         warnings.insert(0, "the log has no frame of a daemon: estimated here")
     model.update()
     return model, warnings

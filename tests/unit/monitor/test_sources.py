@@ -25,12 +25,12 @@ from wrcd.errors import BusError, InputError
 from wrcd.logs.damage import Damage
 from wrcd.logs.decoder import OwnFrames
 from wrcd.logs.reader import read_log
-from wrcd.logs.story import estimate
+from wrcd.logs.story import estimate, gather
 from wrcd.monitor import bus_reader
 from wrcd.monitor.board import Board, ScreenView
 from wrcd.monitor.buffers import Batch
 from wrcd.monitor.bus_reader import FRAMES, HEALTH, Pump, Unpacker, frames_message, message_of
-from wrcd.monitor.panels import SourceState
+from wrcd.monitor.panels import SourceState, why
 from wrcd.monitor.screen import write_log
 from wrcd.monitor.sources import OwnLink, ReaderProcess, model_of_log
 
@@ -247,3 +247,20 @@ def test_batch_of_frames_has_zeros_behind_the_data() -> None:
     batch = Batch.of_frames(EVERY_KIND[:1])
     assert batch.data.tolist() == [[1, 2, 3, 0, 0, 0, 0, 0]]
     assert batch.key.dtype == np.int64
+
+
+def test_of_an_estimated_log_the_monitor_knows_what_why_knows(config: Config) -> None:
+    """Of a train that sends Adhesion alone, too: cause, figures, model and residuals."""
+    plain = replace(config, axles=tuple(replace(a, detail=None) for a in config.axles))
+    model, _ = model_of_log(GOLDEN, plain, [], None, 500_000)
+    model.update()  # as the screen does again and again
+    told, axle = gather(GOLDEN, plain).axles[0].events, model.axles[0]
+    assert axle.history.events() == list(told)
+    figures = [e for e in told if e.detail]
+    assert figures
+    for e in figures:
+        text = " ".join(" ".join(part for part, _ in why(model, axle, e.begin_us + 1000, 200)).split())
+        assert e.detail in text
+    settled = " ".join(part for part, _ in why(model, axle, told[-1].end_us - 1_500_000, 200))
+    assert "not known" not in settled
+    assert "wins" in settled
