@@ -39,7 +39,7 @@ from sim_ecu.play.train import PACKAGED, AdhesionReader
 from wrcd.bus.dbc import find_message
 from wrcd.config.config import load_config, load_packaged
 from wrcd.config.section import Section, TomlSource
-from wrcd.config.settings import read_toml, suggest
+from wrcd.config.settings import read_whole, suggest
 from wrcd.core.configuration import Config
 from wrcd.errors import InputError
 
@@ -113,7 +113,7 @@ def scenario(
     data: dict[str, Any] = {}
     if name is not None:
         path = path_of(name, to_drive=True)
-        read_drive_scenario(read_toml(path), path.stem)  # what is wrong in it is reported with its line
+        read_whole(path, read_drive_scenario)  # what is wrong in it is reported with its line
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     data |= keys
     if rail is not None:

@@ -59,11 +59,11 @@ def _search(args: argparse.Namespace) -> int:
     from sim_ecu.jobs.pool import local
     from sim_ecu.play.vehicles import vehicle_path
     from sim_ecu.reporting.result_files import check_output, save
-    from wrcd.config.settings import read_toml
+    from wrcd.config.settings import read_whole
     from wrcd.progress import Progress
 
     brief, groups = (
-        read_brief(read_toml(vehicle_path(args.config)), args.form),
+        read_whole(vehicle_path(args.config), lambda top, _: read_brief(top, args.form)),
         [name.strip() for name in args.search.split(",")],
     )
     parameters(brief, groups)  # raises InputError before the minutes that it would cost
@@ -92,11 +92,11 @@ def _make(args: argparse.Namespace) -> int:
     from sim_ecu.jobs.pool import kept, local
     from sim_ecu.play.vehicles import vehicle_path
     from sim_ecu.reporting.result_files import check_output, save
-    from wrcd.config.settings import read_toml
+    from wrcd.config.settings import read_whole
     from wrcd.estimator.design import parse_design
     from wrcd.progress import Progress
 
-    brief = read_brief(read_toml(vehicle_path(args.config)), args.form)
+    brief = read_whole(vehicle_path(args.config), lambda top, _: read_brief(top, args.form))
     check_output("-o", args.output)
     if brief.form == "wrcd":
         require_learning()

@@ -11,12 +11,10 @@ from sim_ecu.physics.actuators import Actuators, Drive, Pneumatics
 from sim_ecu.physics.cleaning import Cleaning
 from sim_ecu.play import scenario as play
 from sim_ecu.play import scenario_keys as play_keys
-from sim_ecu.play.faults import read_fault
-from sim_ecu.play.scenario import Course, Scenario, read_axles
+from sim_ecu.play.scenario import Course, Scenario
 from sim_ecu.play.scenario_keys import Measure, Other, Over
-from sim_ecu.play.vehicles import read_vehicle
 from wrcd.config.keys import Choice, Key
-from wrcd.config.settings import Section, read_toml
+from wrcd.config.settings import Section, read_whole
 
 GROUND, WHEELS = "ground", "wheels"
 
@@ -129,18 +127,16 @@ class DriveScenario:
 def load_drive_scenario(name: str | Path) -> DriveScenario:
     """A packaged scenario to drive by its name, or a file by its path. Raises InputError."""
     path = play.path_of(name, to_drive=True)
-    return read_drive_scenario(read_toml(path), path.stem)
+    return read_whole(path, read_drive_scenario)
 
 
 def read_drive_scenario(top: Section, name: str) -> DriveScenario:
     """Check everything and build the scenario. Raises InputError."""
     for key in ("drive", "hold_speed"):
         if key in top:
-            raise top.error(
-                "is of a scenario to play", key, "the driver asks by [driver] demand, and what comes of it decides"
-            )
-    wheelset = read_vehicle(top)
-    axles = read_axles(top, wheelset, NO_DRIVE)
+            hint = "the driver asks by [driver] demand, and what comes of it decides"
+            top.mistake(top.pop(key, "is of a scenario to play", hint))
+    wheelset, axles = play.read_train(top, NO_DRIVE)
     if "driver" not in top:
         raise top.absent(DRIVER.name, "write [driver] with demand = -1.0, or [[s, share], …]")
     driver = top.section(DRIVER.name)
@@ -157,7 +153,7 @@ def read_drive_scenario(top: Section, name: str) -> DriveScenario:
         hold_speed=False,
         wheelset=wheelset,
         axles=axles,
-        faults=tuple(read_fault(f, [a.number for a in axles]) for f in top.sections("fault")),
+        faults=play.read_faults(top, axles),
     )
     out = DriveScenario(
         train=train,

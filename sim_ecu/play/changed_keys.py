@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from wrcd.config.section import Section, TomlSource
-from wrcd.config.settings import read_toml
+from wrcd.config.settings import read_whole
 from wrcd.errors import InputError
 
 T = TypeVar("T")
@@ -31,7 +31,7 @@ def read_changed(path: Path, contents: str, keys: Mapping[str, Any], read: Calla
 
 @lru_cache(KEPT)
 def _sound(path: Path, _contents: str, read: Callable[[Section, str], Any]) -> str:
-    read(read_toml(path), path.stem)
+    read_whole(path, read)
     return path.read_text(encoding="utf-8")
 
 

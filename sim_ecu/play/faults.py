@@ -127,7 +127,7 @@ def read_fault(s: Section, numbers: Sequence[int], at: str = "at_s", duration: s
     """A [[fault]] table of a scenario with these axles. Raises InputError that names the key."""
     for key, kind_of_value in (("kind", str), (at, float)):
         s.take(key, kind_of_value)
-    name = Choice("kind", "", tuple(KINDS), "").value(s)
+    name = Choice("kind", "", tuple(KINDS)).value(s)
     kind = KINDS[name]
     of, axle, amount = "yaw_rate", numbers[0], None
     if kind.stage is not Stage.BUS:

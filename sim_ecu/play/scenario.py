@@ -5,7 +5,7 @@ All axles run on one track: axle 1's irregularity and joints are those that the 
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -26,7 +26,7 @@ from sim_ecu.play.encoder import SAMPLE_US
 from sim_ecu.play.faults import Fault, read_fault
 from sim_ecu.play.vehicles import read_vehicle
 from wrcd.config.keys import Choice, Number, names
-from wrcd.config.settings import Section, read_toml, suggest
+from wrcd.config.settings import Section, read_whole, suggest
 from wrcd.core.configuration import MAX_AXLES
 from wrcd.errors import InputError
 
@@ -128,8 +128,7 @@ def packaged(folder: Path = FOLDER) -> list[str]:
 
 def load_scenario(name: str) -> Scenario:
     """A packaged scenario by its name, or a file by its path. Raises InputError."""
-    path = path_of(name)
-    return read_scenario(read_toml(path), path.stem)
+    return read_whole(path_of(name), read_scenario)
 
 
 def path_of(name: str | Path, to_drive: bool = False) -> Path:
@@ -154,8 +153,7 @@ def path_of(name: str | Path, to_drive: bool = False) -> Path:
 
 def read_scenario(top: Section, name: str) -> Scenario:
     """Check everything and build the scenario."""
-    wheelset = read_vehicle(top)
-    axles = read_axles(top, wheelset)
+    wheelset, axles = read_train(top)
     scenario = Scenario(
         name=name,
         title=keys.TITLE.read(top) or name,
@@ -164,10 +162,29 @@ def read_scenario(top: Section, name: str) -> Scenario:
         hold_speed=keys.HOLD_SPEED.read(top),
         wheelset=wheelset,
         axles=axles,
-        faults=tuple(read_fault(f, [a.number for a in axles]) for f in top.sections("fault")),
+        faults=read_faults(top, axles),
     )
     top.done()
     return scenario
+
+
+def read_train(top: Section, drive: DriveCourse | None = None) -> tuple[Wheelset, tuple[AxleScenario, ...]]:
+    """The vehicle and its axles; drive as of read_axles()."""
+    wheelset = Wheelset()
+    with top.collected():
+        wheelset = read_vehicle(top)
+    with top.collected():
+        return wheelset, read_axles(top, wheelset, drive)
+    return wheelset, ()  # there is a mistake in them
+
+
+def read_faults(top: Section, axles: Sequence[AxleScenario]) -> tuple[Fault, ...]:
+    """[[fault]], of axles that are there."""
+    faults: list[Fault] = []
+    for f in top.sections("fault"):
+        with f.collected():
+            faults += [read_fault(f, [a.number for a in axles])] if axles else []
+    return tuple(faults)
 
 
 def read_axles(top: Section, wheelset: Wheelset, drive: DriveCourse | None = None) -> tuple[AxleScenario, ...]:
@@ -189,37 +206,40 @@ def read_axles(top: Section, wheelset: Wheelset, drive: DriveCourse | None = Non
     overrides = top.section("axle")
     for key in overrides:
         if key not in {str(n) for n in numbers}:
-            raise overrides.error(f"axle {key} is not among axles = {numbers}", key)
+            overrides.refuse(f"axle {key} is not among axles = {numbers}", key)
     axles = []
     for number in sorted(numbers):
         own = overrides.section(str(number))
-        settings = _settings(own, common, drive)
-        if wheelset.bogie is None and settings["sensors"].mounting != AXLE_BOX:
-            raise own.error("needs a vehicle with bogies", "mounting", "leave it out, or name another vehicle")
-        for missing in ("rail", "drive"):
-            if settings[missing] is None:
-                demanded = " and [drive] utilisation = 0.3" if drive is None else ""
-                hint = f'write e.g. [[rail]] curve = "A"{demanded}'
-                raise own.error(f"axle {number} has no {missing}", missing, hint)
-        axles.append(AxleScenario(
-            number=number,
-            seed=_seed(own, seed * 16 + number),
-            position_m=keys.POSITION.of(own, places[number - 1] - places[first - 1]),
-            track_seed=None if "seed" in own else seed * 16 + first,
-            **settings,
-        ))  # fmt: skip
-        own.done()
+        with own.collected():
+            settings = _settings(own, common, drive)
+            if wheelset.bogie is None and settings["sensors"].mounting != AXLE_BOX:
+                raise own.error("needs a vehicle with bogies", "mounting", "leave it out, or name another vehicle")
+            for missing in ("rail", "drive"):
+                if settings[missing] is None and missing not in own and missing not in top:
+                    demanded = " and [drive] utilisation = 0.3" if drive is None else ""
+                    hint = f'write e.g. [[rail]] curve = "A"{demanded}'
+                    raise own.error(f"axle {number} has no {missing}", missing, hint)
+            axles.append(AxleScenario(
+                number=number,
+                seed=_seed(own, seed * 16 + number),
+                position_m=keys.POSITION.of(own, places[number - 1] - places[first - 1]),
+                track_seed=None if "seed" in own else seed * 16 + first,
+                **settings,
+            ))  # fmt: skip
+            own.done()
     return tuple(axles)
 
 
 def _settings(s: Section, common: Mapping[str, Any], drive: DriveCourse | None) -> dict[str, Any]:
     """Return a table's settings of an axle; common: where it has none."""
-    read = {"rail": ("rail", _rail), "track": ("track", _track), "sensors": ("sensors", _sensors)}
-    own: dict[str, Any] = {name: of(s) for key, (name, of) in read.items() if key in s}
-    if drive is not None:
-        own["drive"] = drive
-    elif "drive" in s:
-        own["drive"] = _drive(s)
+    read: dict[str, Callable[[Section], Any]] = {"rail": _rail, "track": _track, "sensors": _sensors}
+    if drive is None:
+        read["drive"] = _drive
+    own: dict[str, Any] = {} if drive is None else {"drive": drive}
+    for key, of in read.items():
+        if s.raw(key) is not None:
+            with s.collected():
+                own[key] = of(s)
     settings = {**common, **own}
     sampling = settings["sensors"].sampling
     nyquist_hz = NYQUIST_HZ if sampling is None else 0.5 * sampling.rate_hz
@@ -229,7 +249,7 @@ def _settings(s: Section, common: Mapping[str, Any], drive: DriveCourse | None) 
 def _seed(section: Section, default: int) -> int:
     seed = section.get("seed", int, default)
     if seed < 0:
-        raise section.error(f"must not be negative, is {seed}", "seed")
+        section.refuse(f"must not be negative, is {seed}", "seed")
     return seed
 
 
@@ -237,26 +257,28 @@ def _rail(section: Section) -> FloatArray:
     """Sections of rail, each from a distance on."""
     parts: list[RailSection] = []
     for part in section.sections("rail"):
-        start = keys.FROM.of(part)
-        curve = _curve(part)
-        radius = keys.RADIUS.of(part)
-        cant = keys.CANT.of(part)
-        if not parts and "transition_m" in part:
-            raise part.error(
-                "the first section has none to come from", "transition_m", "begin with a straight [[rail]]"
-            )
-        transition, edge = keys.TRANSITION.of(part), keys.EDGE.of(part)
-        part.done()
-        if parts and start <= (parts[-1].settled_m if len(parts) > 1 else parts[0].from_m):
-            raise part.error(
-                f"must grow from section to section, {start:g} does not",
-                "from_m",
-                f"the section before is settled at {parts[-1].settled_m:g} m" if len(parts) > 1 else "",
-            )
-        parts.append(RailSection(start, curve, 1 / radius if radius else 0.0, cant, transition, edge))
+        with part.collected():
+            parts.append(_rail_section(part, parts))
+    if not parts and section.mistakes:
+        raise section.newest_mistake
     if not parts:
         raise section.error("needs at least one section", "rail", 'write [[rail]] with curve = "A"')
     return rail_table(parts)
+
+
+def _rail_section(part: Section, before: Sequence[RailSection]) -> RailSection:
+    start, curve, radius, cant = keys.FROM.of(part), _curve(part), keys.RADIUS.of(part), keys.CANT.of(part)
+    if not before and "transition_m" in part:
+        part.refuse("the first section has none to come from", "transition_m", "begin with a straight [[rail]]")
+    transition, edge = keys.TRANSITION.of(part), keys.EDGE.of(part)
+    part.done()
+    if before and start <= (before[-1].settled_m if len(before) > 1 else before[0].from_m):
+        raise part.error(
+            f"must grow from section to section, {start:g} does not",
+            "from_m",
+            f"the section before is settled at {before[-1].settled_m:g} m" if len(before) > 1 else "",
+        )
+    return RailSection(start, curve, 1 / radius if radius else 0.0, cant, transition, edge)
 
 
 def _curve(part: Section) -> CreepCurve:

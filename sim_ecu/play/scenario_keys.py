@@ -32,7 +32,8 @@ class Measure(Number):
         given = self.read(section)
         if default is not None and self.name not in section:
             return default
-        assert given is not None
+        if given is None:
+            raise section.newest_mistake
         return given
 
 

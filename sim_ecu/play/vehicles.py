@@ -10,7 +10,7 @@ from typing import Any
 
 from sim_ecu.physics.wheelset import Bogie, Wheelset
 from sim_ecu.play import scenario_keys as keys
-from wrcd.config.settings import Section, read_toml, suggest
+from wrcd.config.settings import Section, read_toml, read_whole, suggest
 from wrcd.errors import InputError
 from wrcd.resources import DEFAULT_DESIGN, LONE
 
@@ -46,7 +46,7 @@ def vehicle_title(name: str) -> str:
 
 def load_vehicle(name: str) -> Wheelset:
     """A packaged vehicle's wheelset, with its bogie."""
-    return read_vehicle(read_toml(vehicle_path(name)))
+    return read_whole(vehicle_path(name), lambda top, _: read_vehicle(top))
 
 
 def read_vehicle(top: Section) -> Wheelset:

@@ -28,9 +28,10 @@ class KeyOf(Generic[T]):
         raise NotImplementedError
 
     def value(self, section: Section) -> T:
-        """The value of a key that has a default."""
+        """The value of a key that has a default, or is there. Raises InputError where it is wrong and has none."""
         value = self.read(section)
-        assert value is not None
+        if value is None:
+            raise section.newest_mistake
         return value
 
     def refuse(self, section: Section, reason: str, hint: str = "") -> T | None:

@@ -131,6 +131,12 @@ class Section:
             self.mistake(e)
 
     @property
+    def newest_mistake(self) -> InputError:
+        """To be raised where nothing goes on without the value that it is about."""
+        assert self._source.mistakes
+        return self._source.mistakes[-1]
+
+    @property
     def mistakes(self) -> int:
         """How many mistakes of the file are collected so far."""
         return len(self._source.mistakes or ())

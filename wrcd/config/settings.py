@@ -5,13 +5,15 @@ A file is read to its first mistake, which is raised, or with all of its mistake
 
 import re
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from wrcd.config.section import Section, TomlSource, nearest, suggest
 from wrcd.errors import InputError, NotThere
 
-__all__ = ["Section", "nearest", "parse_toml", "read_toml", "suggest"]
+__all__ = ["Section", "nearest", "parse_toml", "read_toml", "read_whole", "suggest"]
+T = TypeVar("T")
 
 
 def read_toml(path: Path, *, collect: bool = False) -> "Section":
@@ -28,6 +30,16 @@ def read_toml(path: Path, *, collect: bool = False) -> "Section":
     except UnicodeDecodeError as e:
         raise InputError(f"cannot be read: {e}", file=path) from None
     return parse_toml(text, path, collect=collect)
+
+
+def read_whole(path: Path, read: Callable[[Section, str], T]) -> T:
+    """What `read` makes of a file's tables and its name. Raises all mistakes that it comes to at once."""
+    top, made = read_toml(path, collect=True), None
+    with top.collected():
+        made = read(top, path.stem)
+    top.finish()
+    assert made is not None
+    return made
 
 
 def parse_toml(text: str, file: Path | str, *, collect: bool = False) -> "Section":

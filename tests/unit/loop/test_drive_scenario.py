@@ -22,7 +22,7 @@ WITH = {
     "axle.N": RAIL + DRIVER + "[axle.1]\n@\n",
     **{name: RAIL + DRIVER + f"[{name}]\n@\n" for name in TABLES if name.startswith(("actuators", "cleaning"))},
 }
-ONLY_IF_THERE = {"": {"axles", "track", "sensors"}, "axle.N": {"rail", "track", "sensors"}}
+ONLY_IF_THERE = {"": {"axles"}}
 
 
 def read(text: str) -> DriveScenario:

@@ -2,9 +2,11 @@
 
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
 
+from sim_ecu.loop.drive_scenario import load_drive_scenario
 from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.encoder import SAMPLE_US
 from sim_ecu.play.player import Player
@@ -12,7 +14,7 @@ from sim_ecu.play.scenario import Scenario, load_scenario, read_scenario
 from sim_ecu.play.scenario_keys import TABLES, Measure
 from wrcd.config.settings import parse_toml
 from wrcd.core.configuration import MAX_AXLES
-from wrcd.errors import InputError
+from wrcd.errors import InputError, InputErrors
 
 
 def scenario(axles: object) -> Scenario:
@@ -62,8 +64,8 @@ WITH = {
 }
 # which the parser asks for only where they are there, or beside no other
 ONLY_IF_THERE = {
-    "": {"axles", "track", "sensors"}, "rail": {"curve"}, "drive": {"utilisation", "creep", "creep_of_peak"},
-    "axle.N": {"rail", "drive", "track", "sensors"}, "fault": {"amount"}, "wheelset": {"name"},
+    "": {"axles"}, "rail": {"curve"}, "drive": {"utilisation", "creep", "creep_of_peak"}, "fault": {"amount"},
+    "wheelset": {"name"},
 }  # fmt: skip
 
 
@@ -124,3 +126,48 @@ def test_held_speed_follows_its_course_and_a_free_train_its_torque(held: bool) -
 def test_scenario_to_drive_is_said_to_be_one() -> None:
     with pytest.raises(InputError, match="sim-ecu drive brake-wet"):
         load_scenario("brake-wet")
+
+
+MISTAKEN = """\
+duration_s = -5
+speed_m_s = "x"
+tarck = "good"
+axles = [1, 2]
+sensors = "memz"
+[[rail]]
+curve = "Z"
+[[rail]]
+from_m = 10
+curve = "A"
+cant_rad = 7
+[drive]
+utilisation = 4
+nonsense = 1
+[axle.2]
+seed = -4
+position_m = "a"
+[[fault]]
+kind = "crx"
+at_s = 1
+[[fault]]
+kind = "crc"
+[vehicle]
+body_mass_kg = -1
+nope = 2
+"""
+
+
+@pytest.mark.parametrize("to_drive", [False, True])
+def test_all_mistakes_of_a_scenario_are_said_at_once(tmp_path: Path, to_drive: bool) -> None:
+    """Each at its line, and none that only follows from another."""
+    file = tmp_path / "mistaken.toml"
+    text = MISTAKEN.replace("[drive]", "[driver]").replace("utilisation", "demand") if to_drive else MISTAKEN
+    file.write_text(text)
+    with pytest.raises(InputErrors) as said:
+        (load_drive_scenario if to_drive else load_scenario)(str(file))
+    begins = ("duration", "speed", "tarck", "sensors", "curve", "cant", "demand" if to_drive else "util", "nonsense",
+              "seed", "position", 'kind = "crx"', 'kind = "crc"', "body", "nope")  # fmt: skip
+    lines = [next(n for n, line in enumerate(text.splitlines(), 1) if line.startswith(b)) for b in begins]
+    lines[-3] -= 1  # what is missing is said at its table
+    assert [e.line for e in said.value.errors] == lines
+    assert "tarck: unknown key — did you mean 'track'?" in str(said.value)
