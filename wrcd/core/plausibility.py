@@ -7,12 +7,15 @@ from wrcd.bus.units import Quantity
 
 # A sensor on a moving wheelset seldom says the same twice: its noise alone moves it by some steps of its converter.
 # How seldom is learnt; a run of equal values that would come about by chance once in so many frames is
-# doubted (the axle is not Valid while it lasts), and one that never would is refused.
-DOUBTED, STUCK = math.log(3e-4), math.log(1e-12)
+# doubted (the axle is not Valid while it lasts, and for a window after it: once in some hours is seldom enough), and
+# one that never would is refused.
+DOUBTED, STUCK = math.log(1e-7), math.log(1e-12)
 MIN_RUN = 4
-FADING_FRAMES = 10_000.0
-FIRST_SHARE, FIRST_FRAMES, MAX_FRAMES = 0.05, 20.0, 1000.0  # of runs that go on, before and while it is learnt
-MAX_SHARE = 0.9  # a sensor coarser than that is not watched: it would be doubted after 0.4 s at 200 Hz
+# Of frames that repeat the one before: at first and at least, for a sensor that vibration dithers at speed is coarser
+# where the train is slow; and while it is learnt.
+FIRST_SHARE, FIRST_FRAMES, MAX_FRAMES = 0.05, 20.0, 1000.0
+GOES_ON = 1.5  # a run goes on oftener than frames repeat: most where the slow value is in the middle of a step (1.41)
+MAX_SHARE = 0.9  # of runs that go on; a coarser sensor is not watched: it would be doubted after 0.8 s at 200 Hz
 STUCK_CHECKED = (Quantity.YAW_RATE, Quantity.LAT_ACCEL)
 
 # What no vehicle changes by from one frame to the next (or within 0.1 s, if that is longer). A value further away is
@@ -53,31 +56,44 @@ class StuckCheck:
             self.run += 1
             return Reason.STUCK if self.run >= MIN_RUN and self.run >= self._longest(STUCK) else None
         low, high = self._ends
-        if not self.run:  # it moves, as it should: what was learnt otherwise fades
-            self._share += (FIRST_SHARE - self._share) / FADING_FRAMES
-        elif low < self.value < high:  # clipped, it repeats itself, however fine it is
+        if value != self.value and low < self.value < high:  # clipped, it repeats itself, however fine it is
             self._learn(self.run)
         self.run, self._changed_us, self.value = 0, stamp_us, value
         return None
 
     def _learn(self, run: int) -> None:
-        """How often a run goes on; a stuck sensor must not teach that it always does."""
+        """How often it repeats itself; a stuck sensor must not teach that it always does."""
         if run < self._longest(STUCK):
-            for went_on in [True] * (min(run, MIN_RUN) - 1) + [False] * (run < MIN_RUN):
+            for repeats in [True] * min(run, MIN_RUN) + [False] * (run < MIN_RUN):
                 self._frames = min(self._frames + 1.0, MAX_FRAMES)
-                self._share += (went_on - self._share) / self._frames
+                self._share += (repeats - self._share) / self._frames
 
     def unchanged(self, now_us: int, timeout_us: int) -> bool:
-        """Whether it has sent the same for longer than its time-out, and oftener than by chance."""
+        """Whether it has sent the same for longer than its time-out, and oftener than by chance, or is clipped."""
+        low, high = self._ends
         return (
             self._changed_us is not None
             and now_us - self._changed_us > timeout_us
-            and self.run >= self._longest(DOUBTED)
+            and self.run >= (self._longest(DOUBTED) if low < self.value < high else MIN_RUN)
         )
 
     def _longest(self, chance: float) -> int:
         """Equal neighbours that come about with less than a chance (its logarithm)."""
-        return max(MIN_RUN, math.ceil(chance / math.log(min(max(self._share, 1e-6), MAX_SHARE))))
+        return longest_run(self._share, chance)
+
+
+def longest_run(share: float, chance: float) -> int:
+    """Equal neighbours that come about with less than a chance (its logarithm), where a share of the frames repeats."""
+    return max(MIN_RUN, math.ceil(chance / math.log(min(GOES_ON * max(share, FIRST_SHARE), MAX_SHARE))))
+
+
+def cost_of_step(steps: float) -> str:
+    """What a converter's step of so many times the rms of the sensor's noise costs. A slow value repeats itself most
+    where it stands in the middle of a step."""
+    share = math.erf(steps / math.sqrt(8.0)) / math.sqrt(2.0)
+    if GOES_ON * share > MAX_SHARE:
+        return "a sound one is taken for frozen"
+    return f"a frozen one is found after {longest_run(share, DOUBTED)} repeats, and a sound one may be taken for it"
 
 
 class JumpCheck:

@@ -8,7 +8,7 @@ import pytest
 
 from tests.support.sensor_simulator import MS, SensorSimulator, until_ms, validities
 from wrcd.bus.reasons import Reason
-from wrcd.core.plausibility import MAX_SHARE, STUCK, JumpCheck, StuckCheck
+from wrcd.core.plausibility import MAX_SHARE, MIN_RUN, STUCK, JumpCheck, StuckCheck, cost_of_step
 
 SPIKE = 5_000_000  # 5 rad/s
 
@@ -35,7 +35,18 @@ def test_coarse_sensor_is_not_stuck(steps: float) -> None:
     assert Reason.STUCK not in verdicts
 
 
-@pytest.mark.parametrize(("steps", "doubted_ms", "stuck_ms"), [(100.0, 20, 80), (5.0, 20, 80), (1.0, 80, 160)])
+@pytest.mark.parametrize("steps", [1.0, 2.0, 4.0])
+def test_sensor_as_coarse_as_its_noise_is_not_doubted(steps: float) -> None:
+    """Half an hour, in the middle of a step, where it repeats itself most. Each doubt costs a window of a second."""
+    r, doubts, was_doubted = taught(steps, 400), 0, False
+    for k, value in enumerate(noisy(steps, 360_000)):
+        r.check(value, (400 + k) * 5 * MS, moving=True)
+        is_doubted = r.run >= MIN_RUN and r.unchanged((400 + k) * 5 * MS, 15 * MS)
+        doubts, was_doubted = doubts + (is_doubted and not was_doubted), is_doubted
+    assert doubts <= 1
+
+
+@pytest.mark.parametrize(("steps", "doubted_ms", "stuck_ms"), [(100.0, 35, 80), (5.0, 35, 80), (1.0, 90, 160)])
 def test_stuck_sensor_is_unchanged_at_its_timeout_then_rejected(steps: float, doubted_ms: int, stuck_ms: int) -> None:
     r = taught(steps, 2000)
     r.check(0.5, 10_000 * MS, moving=True)
@@ -45,12 +56,25 @@ def test_stuck_sensor_is_unchanged_at_its_timeout_then_rejected(steps: float, do
             stuck.append(k)
         if r.unchanged((10_000 + k + 4) * MS, 15 * MS):
             doubted.append(k)
+    print(f"step of {1 / steps:.2g} times the noise: Unchanged after {doubted[0]} ms, refused after {stuck[0]} ms")
     assert doubted[0] <= doubted_ms
     assert doubted[0] <= stuck[0] <= stuck_ms
     # being stuck for long does not teach it that this is how it always is
     assert r.check(0.5, 12_000 * MS, moving=True) is Reason.STUCK
     assert r.check(0.6, 12_005 * MS, moving=True) is None
     assert not r.unchanged(12_006 * MS, 15 * MS)
+
+
+@pytest.mark.parametrize(
+    ("steps", "said"),
+    [
+        (1.0, "a frozen one is found after 18 repeats, and a sound one may be taken for it"),
+        (2.0, "a frozen one is found after 50 repeats, and a sound one may be taken for it"),
+        (4.0, "a sound one is taken for frozen"),
+    ],
+)
+def test_what_a_step_costs_is_said(steps: float, said: str) -> None:
+    assert cost_of_step(steps) == said
 
 
 def test_very_coarse_sensor_is_rejected_after_the_run_that_max_share_allows() -> None:

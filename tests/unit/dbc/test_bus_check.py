@@ -163,7 +163,8 @@ def test_coarse_signal_deserves_a_look(checked: Checked, tmp_path: Path) -> None
     (tmp_path / "train.dbc").write_text(dbc)
     config.write_text((ROOT / "examples/own-dbc/train.toml").read_text())
     _, text = checked(STEADY.format(seconds=5), config=config)
-    assert "Bogie1.GyroZ: a step of 0.0017 rad/s is 5.8 times the noise of the design's sensor" in text
+    step = "Bogie1.GyroZ: a step of 0.0017 rad/s is 5.8 times the noise of the design's sensor"
+    assert f"{step}: a sound one is taken for frozen" in text
 
 
 def test_wrong_unit_of_the_accelerometer_is_told_by_its_noise(

@@ -9,7 +9,7 @@
 #define CAN_REMOTE 0x40000000U
 #define CAN_ERROR 0x20000000U
 enum { MAX_LOST = 2, REACH_BITS = 8 };
-static const double FIRST_SHARE = 0.05, FADING_FRAMES = 10000.0, MAX_FRAMES = 1000.0, BACKWARDS_M_S = 0.5;
+static const double MAX_FRAMES = 1000.0, BACKWARDS_M_S = 0.5;
 static const double JUMP_US = 100000.0;
 
 static wrcd_lane_place *at(wrcd_lane_place *place, const wrcd_lane *k, int quantity, int axle)
@@ -101,12 +101,10 @@ static void learn(wrcd_lane_signal *s, double value, double speed, double min_sp
         s->run++;
         return;
     }
-    if (s->check == WRCD_STUCK_CHECKED && s->run == 0) {
-        s->share += (FIRST_SHARE - s->share) / FADING_FRAMES;
-    } else if (s->check == WRCD_STUCK_CHECKED && s->first_end < s->value && s->value < s->last_end) {
-        for (int went_on = s->run - 1; went_on >= 0; went_on--) {
+    if (s->check == WRCD_STUCK_CHECKED && value != s->value && s->first_end < s->value && s->value < s->last_end) {
+        for (int repeats = s->run; repeats >= 0; repeats--) {
             s->frames = fmin(s->frames + 1.0, MAX_FRAMES);
-            s->share += ((went_on > 0 ? 1.0 : 0.0) - s->share) / s->frames;
+            s->share += ((repeats > 0 ? 1.0 : 0.0) - s->share) / s->frames;
         }
     }
     s->run = 0;

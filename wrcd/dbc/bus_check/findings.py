@@ -9,6 +9,7 @@ from wrcd.bus.frame import counted_ids, id_text
 from wrcd.bus.units import Quantity
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import Config
+from wrcd.core.plausibility import cost_of_step
 from wrcd.dbc.bus_check.input_figures import Gathered, SignalFigures
 from wrcd.dbc.bus_check.signs import Fit
 from wrcd.logs.story_records import Spells
@@ -20,7 +21,7 @@ MAX_SHARE, MAX_SHARE_OF_PLACES, MIN_SHARE = 0.01, 0.1, 0.005
 START_S = 0.1  # until every input has come for the first time
 MAX_CYCLE_ERROR = 0.1
 MAX_REFUSED, MAX_AT_LIMIT = 0.001, 0.001
-MAX_STEPS = 4.0  # a converter's step over the noise that the design was made with
+MAX_STEPS = 1.0  # a converter's step over the noise that the design was made with
 MAX_NOISE = 4.0  # times that noise; a wrong unit is more
 MEASURED = (Quantity.YAW_RATE, Quantity.LAT_ACCEL)
 
@@ -122,7 +123,8 @@ def _odd(config: Config, f: SignalFigures) -> list[str]:
         design = float(config.design.noise_rms[int(f.quantity == Quantity.LAT_ACCEL.key)])
         if f.step > MAX_STEPS * design:
             out.append(
-                f"a step of {f.step:.2g} {f.unit} is {f.step / design:.1f} times the noise of the design's sensor"
+                f"a step of {f.step:.2g} {f.unit} is {f.step / design:.1f} times the noise of the design's sensor: "
+                + cost_of_step(f.step / design)
             )
         elif f.noise > MAX_NOISE * design:
             out.append(

@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterator
 from wrcd.bus.units import Quantity, factor
 from wrcd.bus.words import unusable, usable
 from wrcd.config.input_mapping import MEASURED
+from wrcd.core.plausibility import cost_of_step
 from wrcd.dbc.dbc_lines import DbcText, Signal
 from wrcd.dbc.lint.codes import Flaw
 from wrcd.dbc.lint.message_checks import limits
@@ -108,8 +109,8 @@ def _can_fail(c: SignalCandidate) -> bool:
 
 
 def _sensor(c: SignalCandidate, design: Design) -> Iterator[Flaw]:
-    """Step and range of gyro and accelerometer. A step of the noise's rms adds a twelfth to its power, and the values
-    still look random; of more they stand still or jump."""
+    """Step and range of gyro and accelerometer. A step of the noise's rms adds a twelfth to its power, and a sound
+    sensor is told from a frozen one; of more it is not always."""
     if c.quantity not in CHANNELS or not converts(c.signal.unit, c.quantity) or c.signal.is_float:
         return
     s, si = c.signal, factor(c.signal.unit, c.quantity)
@@ -119,7 +120,7 @@ def _sensor(c: SignalCandidate, design: Design) -> Iterator[Flaw]:
     if step > noise:
         what = (
             f"step {s.scale:g} {s.unit} is {step:.2g} {unit}; the sensor of design {design.name!r} has noise of "
-            f"{noise:.2g} {unit} rms"
+            f"{noise:.2g} {unit} rms: {cost_of_step(step / noise)}"
         )
         yield Flaw(s.line, "resolution-too-coarse", c.name, what)
     reach = _reach(s) * si
