@@ -9,7 +9,15 @@ from pathlib import Path
 from typing import Any
 
 from wrcd.bus.dbc_soundness import Orphan, add_doubles, add_orphans, warnings_about, why_unsound
-from wrcd.bus.dbc_text import huge_at, read_text, subset, without_impossible_messages, without_statements
+from wrcd.bus.dbc_text import (
+    EXTENDED,
+    huge_at,
+    numbered_choices,
+    read_text,
+    subset,
+    without_impossible_messages,
+    without_statements,
+)
 from wrcd.errors import InputError, NotThere
 
 # cantools' package imports its tester and more, and with them python-can, asyncio and ssl, none of which the daemon
@@ -27,8 +35,8 @@ finally:
         del sys.modules["cantools"]
 
 __all__ = [
-    "DEFAULT_TIMEOUT_MS", "Database", "Message", "Signal", "attribute", "cycle_ms", "data_id",
-    "find_message", "find_signal", "load_dbc", "parse_dbc", "shortest_timeout_us", "timeout_ms",
+    "DEFAULT_TIMEOUT_MS", "PROFILE", "TIMEOUT", "Database", "Message", "Signal", "attribute", "cycle_ms", "data_id",
+    "e2e_profile", "find_message", "find_signal", "load_dbc", "parse_dbc", "shortest_timeout_us", "timeout_ms",
 ]  # fmt: skip
 # What it says of a file beside our own warnings. Without a handler Python writes it to standard error.
 logging.getLogger("cantools").addHandler(logging.NullHandler())
@@ -37,6 +45,8 @@ _HAS_MESSAGE = re.compile(r"^\s*BO_ ", re.MULTILINE)
 # what cantools says of value tables and value types of signals that there are not
 _ORPHANS = re.compile(r"^    (VAL_|SIG_VALTYPE_) (\d+) (\w+)$", re.MULTILINE)
 DEFAULT_TIMEOUT_MS = 100  # of a signal for which nobody states a time-out or a cycle
+TIMEOUT, PROFILE = OF_ALL = ("GenSigTimeoutTime", "E2EProfile")  # whose default holds; E2EDataId's would be no id
+NO_PROFILE = ("", "none", "no")
 LONGEST_MS = 65_535  # of cycles and time-outs: the range that DBCs usually give these attributes
 
 
@@ -86,6 +96,7 @@ def parse_dbc(text: str, path: Path, names: Collection[str] | None = None) -> Da
         line = text.count("\n", 0, at) + 1
         raise InputError("not a usable DBC: no message, signal or number is that large", file=path, line=line)
     database, unsound, orphans = _parse(text)
+    _complete(database)
     for message in database.messages:
         if names is None or message.name in names:
             reason = why_unsound(message)
@@ -115,7 +126,7 @@ def _parse(text: str) -> tuple[Database, dict[str, str], list[Orphan]]:
                     less = without_statements(less, keyword, {(i, name) for k, i, name in found if k == keyword})
                 orphans += found
             else:
-                less, reasons = without_impossible_messages(text)
+                less, reasons = without_impossible_messages(numbered_choices(text))
                 unsound |= reasons
             if less == text or not _HAS_MESSAGE.search(less):
                 raise
@@ -124,10 +135,34 @@ def _parse(text: str) -> tuple[Database, dict[str, str], list[Orphan]]:
             return database, unsound, orphans
 
 
+def _complete(database: Database) -> None:
+    """Give signals what the file says of them and cantools does not: no range by [0.0|0.0], the start value of all, and
+    the shortest of the time-outs of their receivers, where they have none of their own."""
+    if (whole := database.dbc) is None:
+        return
+    start: Any = whole.attribute_definitions.get("GenSigStartValue")
+    relations: Any = whole.relation_attributes
+    for m in database.messages:
+        number = m.frame_id | EXTENDED * m.is_extended_frame
+        of_signals = relations.node_signal_relations.get(number, {}) if relations is not None else {}
+        for s in m.signals:
+            if s.minimum == s.maximum == 0:
+                s.minimum = s.maximum = None
+            if s.raw_initial is None and start is not None and start.default_value:
+                s.raw_initial = start.default_value
+            stated = [given[TIMEOUT] for given in of_signals.get(s.name, {}).values() if TIMEOUT in given]
+            if stated and s.dbc is not None:
+                s.dbc.attributes.setdefault(TIMEOUT, min(stated, key=lambda a: float(a.value)))
+
+
 def attribute(thing: Message | Signal, name: str) -> Any:
-    """The value of a DBC attribute, or None."""
+    """The value of a DBC attribute, or None; of an ENUM its word. A file's default counts where it may hold for all."""
     found = thing.dbc.attributes.get(name) if thing.dbc is not None else None
-    return None if found is None else found.value
+    if thing.dbc is None or (found is None and not (name in OF_ALL and name in thing.dbc.attribute_definitions)):
+        return None
+    definition: Any = found.definition if found is not None else thing.dbc.attribute_definitions[name]
+    value, words = found.value if found is not None else definition.default_value, definition.choices
+    return words[value] if isinstance(value, int) and 0 <= value < len(words) else value
 
 
 def find_message(database: Database, name: str) -> Message:
@@ -153,14 +188,14 @@ def timeout_ms(message: Message, signal: Signal) -> int | None:
 
     Raises ValueError for one that is no time.
     """
-    stated = _milliseconds(attribute(signal, "GenSigTimeoutTime"), f"the time-out of {message.name}.{signal.name}")
+    stated = _milliseconds(attribute(signal, TIMEOUT), f"the time-out of {message.name}.{signal.name}")
     cycle = cycle_ms(message)
     return stated or (3 * cycle if cycle else None)
 
 
 def shortest_timeout_us(message: Message, signals: Iterable[Signal], cycle_us: int) -> int:
     """Return the shortest time-out that the DBC states of one of some signals, else three cycles. Raises ValueError."""
-    stated = [timeout_ms(message, s) for s in signals if attribute(s, "GenSigTimeoutTime")]
+    stated = [timeout_ms(message, s) for s in signals if attribute(s, TIMEOUT)]
     return min((1000 * ms for ms in stated if ms is not None), default=3 * cycle_us)
 
 
@@ -181,12 +216,17 @@ def _milliseconds(stated: Any, what: str) -> int | None:
     return ms
 
 
+def e2e_profile(stated: object) -> str:
+    """The profile that an attribute's value asks for; empty for none."""
+    return "" if stated is None or str(stated).lower() in NO_PROFILE else str(stated)
+
+
 def data_id(message: Message) -> int | None:
     """The E2E data id if the message is protected. Raises ValueError for a profile that is not known here."""
-    profile = attribute(message, "E2EProfile")
+    profile = e2e_profile(attribute(message, PROFILE))
     if not profile:
         return None
-    if str(profile) != "P11" or message.length < 2:
+    if profile != "P11" or message.length < 2:
         raise ValueError(f"message {message.name} asks for E2E profile {profile!r}; only P11 is known")
     identity = attribute(message, "E2EDataId")
     if not isinstance(identity, int) or not 0 <= identity <= 0xFFFF:

@@ -18,7 +18,11 @@ class Orphan(NamedTuple):
 
 
 def why_unsound(message: "Message") -> str | None:
-    """Return what cantools' strict loading has against a message, or None: signals that overlap or do not fit in."""
+    """Return what cantools' strict loading has against a message, or None: signals of one name, that overlap or do not
+    fit in."""
+    names = [s.name for s in message.signals]
+    if twice := next((name for name in names if names.count(name) > 1), None):
+        return f"there are {names.count(twice)} signals of the name {twice}"
     try:
         _used_bits(message, message.signal_tree, {})
     except ValueError as e:

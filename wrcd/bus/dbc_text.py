@@ -128,6 +128,21 @@ def without_impossible_messages(text: str) -> tuple[str, dict[str, str]]:
     return "".join(out), reasons
 
 
+_ENUM = re.compile(r'^\s*BA_DEF_\s+(?:\w+\s+)?"(\w+)"\s+ENUM\s+("[^;]*);', re.MULTILINE)
+_GIVEN = re.compile(r'^(\s*BA_\s+"(\w+)"[^";]*)"([^"]*)"(\s*;)', re.MULTILINE)
+
+
+def numbered_choices(text: str) -> str:
+    """Return a DBC's text with the numbers of an ENUM's words where a BA_ states the word itself."""
+    choices = {name: re.findall('"([^"]*)"', words) for name, words in _ENUM.findall(text)}
+
+    def numbered(m: re.Match[str]) -> str:
+        words = choices.get(m[2], [])
+        return f"{m[1]}{words.index(m[3])}{m[4]}" if m[3] in words else m[0]
+
+    return _GIVEN.sub(numbered, text)
+
+
 def _wrong_id(can_id: int) -> str:
     number = can_id & (EXTENDED - 1)
     if can_id < EXTENDED:

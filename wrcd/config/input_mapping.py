@@ -25,7 +25,7 @@ from wrcd.core.configuration import Input
 from wrcd.core.validity import LOAD_SHARES, RADIUS_SHARES
 from wrcd.estimator.design import Design
 
-FLOAT_BITS = (16, 32, 64)
+FLOAT_BITS = (32, 64)
 STALE_TICKS = 3  # of gyro and accelerometer: two may be missing
 MEASURED = (Quantity.YAW_RATE, Quantity.LAT_ACCEL)
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-from wrcd.bus.dbc import Database, Message, attribute, data_id, find_message
+from wrcd.bus.dbc import PROFILE, Database, Message, attribute, data_id, e2e_profile, find_message
 from wrcd.bus.positions import frame_length, position
 from wrcd.bus.units import Quantity
 from wrcd.config import declared
@@ -208,7 +208,7 @@ def e2e_identity(table: Section, message: Message, e2e: str | None, stated: int 
         if (
             not isinstance(known, int)
             or not 0 <= known <= declared.DATA_ID.high
-            or not attribute(message, "E2EProfile")
+            or not e2e_profile(attribute(message, PROFILE))
         ):
             raise table.error(
                 "is missing",

@@ -29,7 +29,7 @@ _BEGIN = {
     "BA_", "BA_DEF_", "BA_DEF_DEF_", "BA_DEF_REL_", "BA_DEF_DEF_REL_", "BA_REL_", "BO_", "BO_TX_BU_", "BS_", "BU_",
     "CM_", "ENVVAR_DATA_", "EV_", "NS_", "SG_MUL_VAL_", "SIG_GROUP_", "SIG_VALTYPE_", "VAL_", "VAL_TABLE_", "VERSION",
 }  # fmt: skip
-_ABOUT = {"CM_", "BA_", "VAL_", "SIG_VALTYPE_", "SG_MUL_VAL_"}  # say something about a message or a signal
+_ABOUT = {"CM_", "BA_", "BA_REL_", "VAL_", "SIG_VALTYPE_", "SG_MUL_VAL_"}  # say something about a message or a signal
 
 
 class Attribute(NamedTuple):
@@ -163,7 +163,21 @@ class DbcText:
 
     def is_fd(self, message: Message) -> bool:
         """Whether the DBC says that it is a CAN FD message."""
-        return (self.attribute(message, "VFrameFormat") or "").upper().endswith("FD")
+        return (self.attribute(message, "VFrameFormat") or "").upper().endswith(("FD", "14", "15"))
+
+
+def _long_name(of: Message | Signal) -> str:
+    """The name that a DBC gives beside one of at most 32 characters; cantools goes by it."""
+    given = of.attributes.get(f"System{type(of).__name__}LongSymbol")
+    return given.value if given is not None and given.value else of.name
+
+
+def _is_less(given: Attribute | None, token: "Token") -> bool:
+    """Whether an attribute is a number below another one."""
+    try:
+        return given is not None and float(given.value) < float(token.text)
+    except ValueError:
+        return False
 
 
 class Token(NamedTuple):
@@ -242,8 +256,13 @@ class _Statements:
                 self._take("string")
             else:
                 self._take(":")
-        for statement in self._late:
+        for statement in sorted(self._late, key=lambda s: s[0].text != "BA_REL_"):  # BA_ has the last word
             self._lay(statement)
+        for m in self._into.messages:
+            m.name = _long_name(m)
+            for s in m.signals:
+                s.name = _long_name(s)
+                s.path = f"{m.name}.{s.name}"
 
     def _next(self) -> Token:
         if self._at >= len(self._tokens):
@@ -310,7 +329,7 @@ class _Statements:
             self._next()
         name = self._take("string").text
         rest: list[Token] = []
-        while self._peek() != ";" and self._at < len(self._tokens):
+        while self._at < len(self._tokens) and self._tokens[self._at][:2] != ("mark", ";"):
             rest.append(self._next())
         self._take(";")
         if keyword == "BA_DEF_":
@@ -321,7 +340,9 @@ class _Statements:
     def _lay(self, statement: list[Token]) -> None:
         """What a statement says about a message or a signal."""
         keyword, *rest = statement
-        attribute = rest.pop(0).text if keyword.text == "BA_" and rest else ""
+        attribute = rest.pop(0).text if keyword.text.startswith("BA_") and rest else ""
+        if keyword.text == "BA_REL_":  # … BU_SG_REL_ NODE SG_ ID SIGNAL VALUE
+            rest = rest[2:] if rest and rest[0].text == "BU_SG_REL_" else []
         about = rest.pop(0).text if rest and rest[0].text in ("BO_", "SG_", "BU_", "EV_") else ""
         if about in ("BU_", "EV_") or not rest or rest[0].kind != "number":
             return
@@ -347,7 +368,7 @@ class _Statements:
             s.is_float = bool(rest) and rest[-1].text in ("1", "2", "3")
         elif keyword.text == "CM_" and rest:
             s.comment = rest[0].text
-        elif keyword.text == "BA_" and rest:
+        elif rest and attribute and not (keyword.text == "BA_REL_" and _is_less(s.attributes.get(attribute), rest[0])):
             s.attributes[attribute] = Attribute(keyword.line, rest[0].text, rest[0].kind == "string")
 
     def _whole(self, token: Token) -> int:

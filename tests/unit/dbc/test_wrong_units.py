@@ -165,3 +165,13 @@ def test_speed_read_in_a_wrong_unit_is_told_by_two_axles(speed_m_s: float, named
 def test_sound_speed_is_not_accused_by_two_axles(scenario: str, speed_m_s: float, named: Named) -> None:
     slower = ("speed_m_s = 25.0", f"speed_m_s = {speed_m_s}")
     assert not named(scenario, "axles = [1, 2]", packaged(2), packaged(2), 12, slower)
+
+
+@pytest.mark.parametrize("lines", [3, 60, 200])
+def test_log_of_a_moment_is_too_short_to_tell(lines: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    golden = (Path(__file__).parents[2] / "golden/leaf-film.log").read_text().splitlines(keepends=True)
+    log = tmp_path / "moment.log"
+    log.write_text("".join(golden[:lines]))
+    (tmp_path / "one.toml").write_text(packaged(1))
+    assert main(["check", "--config", str(tmp_path / "one.toml"), "--log", str(log)]) == 1
+    assert "reads as if it were in" not in capsys.readouterr().out

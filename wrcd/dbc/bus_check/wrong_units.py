@@ -159,6 +159,8 @@ def _pair(config: Config, gathered: Gathered, found: Sequence[SignalFigures], pl
         return None
     speed = series_of(config, gathered, Quantity.SPEED)[:1]
     columns = means(gathered, BIN_S, [yaw, lat, *speed])
+    if len(columns[0]) < len(SECOND_DIFFERENCE):
+        return None
     v = columns[2] if speed else np.full(len(columns[0]), config.constant_speed_m_s or math.nan)
     made, sideways = (np.convolve(x, SECOND_DIFFERENCE, "valid") for x in (v * columns[0], columns[1]))
     v = v[1:-1]

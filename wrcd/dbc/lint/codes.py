@@ -49,7 +49,7 @@ CODES: dict[str, Code] = {
         "Rename one of them.",
     ),
     "duplicate-signal": Code(
-        "The later hides the earlier.",
+        "`wrcd check` refuses the message: which of them is meant is open.",
         "Rename one of them.",
     ),
     "impossible-id": Code(
@@ -215,7 +215,7 @@ CODES: dict[str, Code] = {
         "Make it signed, or give an offset.",
     ),
     "resolution-too-coarse": Code(
-        "The residuals then show the steps, not the wheelset; a sensor that repeats itself looks frozen.",
+        "The residuals then show the steps, not the wheelset; a sound sensor that repeats itself looks frozen.",
         "Give it more bits, or make a design with this sensor's noise.",
     ),
     "range-too-small": Code(

@@ -6,7 +6,7 @@ inputs: what looks like one.
 from collections.abc import Collection, Iterator
 from itertools import combinations
 
-from wrcd.bus.dbc import LONGEST_MS
+from wrcd.bus.dbc import LONGEST_MS, PROFILE, e2e_profile
 from wrcd.bus.words import unusable
 from wrcd.dbc.dbc_lines import NO_MESSAGE, NO_NODE, DbcText, Message, Signal
 from wrcd.dbc.lint.codes import Flaw
@@ -27,9 +27,9 @@ FD_LENGTHS = (*range(9), 12, 16, 20, 24, 32, 48, 64)
 MAX_BITS = 8 * 64  # of any frame: no signal's places are listed beyond
 MAX_STANDARD, MAX_EXTENDED = 0x7FF, 0x1FFF_FFFF
 RIG_TRUTH = range(0x7A1, 0x7A9)  # standard ids of the rig's SimTruth
-FLOAT_BITS = (16, 32, 64)
+FLOAT_BITS = (32, 64)
 SEND_TYPE = "GenMsgSendType"
-PROFILE, DATA_ID = "E2EProfile", "E2EDataId"
+DATA_ID = "E2EDataId"
 KNOWN = "P11"
 CRC_BITS = frozenset(range(8))
 COUNTER_BITS = frozenset(range(8, 12))
@@ -276,7 +276,7 @@ def _timeout(dbc: DbcText, s: Signal, cycle: float) -> Iterator[Flaw]:
 def check_protection(dbc: DbcText, inputs: Collection[SignalCandidate]) -> Iterator[Flaw]:
     """Yield what is wrong with E2E attributes."""
     ids: dict[float, Message] = {}
-    protected = [m for m in dbc.on_the_bus if dbc.attribute(m, PROFILE)]
+    protected = [m for m in dbc.on_the_bus if e2e_profile(dbc.attribute(m, PROFILE))]
     for m in protected:
         profile = dbc.attribute(m, PROFILE)
         if profile != KNOWN:
