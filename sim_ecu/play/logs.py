@@ -4,6 +4,7 @@ import contextlib
 import gzip
 import math
 from collections.abc import Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 
 import can
@@ -49,6 +50,14 @@ class AscWriter(can.ASCWriter):
         super().on_message_received(msg)
 
 
+class Mf4Writer(can.MF4Writer):
+    """Says that its begin is UTC. python-can's is local time, which a reader in another zone takes for its own."""
+
+    def __init__(self, log: Path) -> None:
+        super().__init__(log)
+        self._mdf.header.start_time = datetime.fromtimestamp(self._start_time, UTC)
+
+
 def check_format(log: Path, scenario: Scenario, train: Train) -> None:
     """Raises InputError if the format that the suffix gives cannot hold every frame of a scenario."""
     suffix = log_suffix(log)
@@ -81,6 +90,8 @@ def open_logger(log: Path) -> Iterator[can.Listener]:
 def _writer(log: Path) -> can.Listener:
     if log.suffix.lower() == ".log":
         return CandumpWriter(log)
+    if log.suffix.lower() == ".mf4":
+        return Mf4Writer(log)
     if log_suffix(log) != ".asc":
         return can.Logger(log)
     return AscWriter(gzip.open(log, "wt") if log.suffix.lower() == ".gz" else log)

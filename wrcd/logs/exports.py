@@ -3,6 +3,7 @@
 import struct
 from array import array
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -208,6 +209,11 @@ class GatherExports(Observer):
         for extra, exporter in list(self._exporters.items()):
             try:
                 act(exporter)
+            except OSError as e:
+                with suppress(OSError):
+                    exporter.abandon()
+                e.filename = str(self._files[extra])
+                raise
             except (ArithmeticError, ValueError, TypeError, struct.error) as e:
                 del self._exporters[extra]
                 exporter.abandon()

@@ -116,6 +116,8 @@ class ReplayRun:
     def _warnings(self, found: Survey) -> Iterator[str]:
         yield from self._core.config.warnings
         yield from self.reader.warnings
+        if self._core.counts.accepted and not self._core.counts.ticks:
+            yield f"{self._log}: nothing is estimated: its frames lie within a tick; are their stamps differences?"
         if self._core.counts.accepted and found.without_frame:
             axles = ", ".join(map(str, sorted(found.without_frame)))
             yield f"{self._log}: has no frame of axle {axles}; no rows of it"

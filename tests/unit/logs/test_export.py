@@ -312,3 +312,22 @@ def test_mf4_of_stamps_before_1970_counts_from_the_first_frame(tmp_path: Path) -
         stamps = mdf.get("YawRate_A1").timestamps
     assert stamps[0] == 0.0
     assert (np.diff(stamps) > 0).all()
+
+
+@pytest.mark.parametrize("kind", ["mf4", "mcap"])
+def test_full_disk_names_the_export(kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    full, whole = tmp_path / f"full.{kind}", tmp_path / "whole.csv"
+    full.symlink_to("/dev/full")
+    assert replay(GOLDEN, f"--{kind}", full, "--csv", whole) == 1
+    assert f"wrcd: error: {full}: the output cannot be written to its end: No space left" in capsys.readouterr().err
+
+
+def test_stamps_that_are_differences_are_said_to_tell_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """can-utils #265: as `candump -L -td` once wrote them."""
+    lines = GOLDEN.read_text().splitlines(keepends=True)[:2000]
+    log = tmp_path / "delta.log"
+    log.write_text("".join(f"(0000000000.000200) {line.partition(' ')[2]}" for line in lines))
+    replay(log, "--csv", tmp_path / "a.csv")
+    assert f"{log}: nothing is estimated: its frames lie within a tick" in capsys.readouterr().err
