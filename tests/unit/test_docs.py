@@ -452,6 +452,8 @@ def test_figures_of_the_score_stand_elsewhere_as_they_are_there() -> None:
         said, scored = (re.findall(r"\d+(?:\.\d+)?", cell) for cell in (readme[figure], world[name][column]))
         rounded = [f"{float(b):.{len(a.partition('.')[2])}f}" for a, b in zip(said, scored, strict=True)]
         assert said == rounded, figure
+    valid = [world[name][4] for name in ("its own vehicle", "curves with cant", "stops by full service")]
+    assert readme["Valid: own vehicle; curves; stops"] == "; ".join(f"{share} %" for share in valid)
     lone = {r[0]: r[1].split()[0] for r in rows(SCORE, "Goals of all suites; *chance* is met, within chance:")}
     contract = text("docs/reference/what-a-controller-does.md")
     lie_s = float(lone["drops: Valid with the truth below the interval, 95th percentile, s"])
