@@ -23,7 +23,7 @@ def _add(p: argparse.ArgumentParser) -> None:
         type=Path,
         metavar="OUT.csv",
         help="write one row per Adhesion frame (default, without -o and --events: to the screen); of several logs a "
-        "folder of them",
+        "folder of them; the word None is a Confidence, which pandas keeps with keep_default_na=False",
     )
     p.add_argument(
         "--from", dest="begin", type=seconds, metavar="S",
