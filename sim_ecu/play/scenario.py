@@ -171,6 +171,9 @@ def read_scenario(top: Section, name: str) -> Scenario:
 def read_train(top: Section, drive: DriveCourse | None = None) -> tuple[Wheelset, tuple[AxleScenario, ...]]:
     """The vehicle and its axles; drive as of read_axles()."""
     wheelset = Wheelset()
+    for key in (keys.OF_AXLE, *keys.SHARED):
+        if drive is None or key is not keys.DRIVE:
+            top.raw(key.name)  # known, whatever is wrong before they are read
     with top.collected():
         wheelset = read_vehicle(top)
     with top.collected():
@@ -267,11 +270,14 @@ def _rail(section: Section) -> FloatArray:
 
 
 def _rail_section(part: Section, before: Sequence[RailSection]) -> RailSection:
+    mistakes = part.mistakes
     start, curve, radius, cant = keys.FROM.of(part), _curve(part), keys.RADIUS.of(part), keys.CANT.of(part)
     if not before and "transition_m" in part:
         part.refuse("the first section has none to come from", "transition_m", "begin with a straight [[rail]]")
     transition, edge = keys.TRANSITION.of(part), keys.EDGE.of(part)
     part.done()
+    if part.mistakes > mistakes:
+        raise part.newest_mistake
     if before and start <= (before[-1].settled_m if len(before) > 1 else before[0].from_m):
         raise part.error(
             f"must grow from section to section, {start:g} does not",

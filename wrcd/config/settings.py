@@ -34,12 +34,12 @@ def read_toml(path: Path, *, collect: bool = False) -> "Section":
 
 def read_whole(path: Path, read: Callable[[Section, str], T]) -> T:
     """What `read` makes of a file's tables and its name. Raises all mistakes that it comes to at once."""
-    top, made = read_toml(path, collect=True), None
+    top = read_toml(path, collect=True)
+    made: list[T] = []
     with top.collected():
-        made = read(top, path.stem)
+        made.append(read(top, path.stem))
     top.finish()
-    assert made is not None
-    return made
+    return made[0]
 
 
 def parse_toml(text: str, file: Path | str, *, collect: bool = False) -> "Section":
