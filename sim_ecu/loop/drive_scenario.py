@@ -137,13 +137,9 @@ def read_drive_scenario(top: Section, name: str) -> DriveScenario:
             hint = "the driver asks by [driver] demand, and what comes of it decides"
             top.mistake(top.pop(key, "is of a scenario to play", hint))
     wheelset, axles = play.read_train(top, NO_DRIVE)
-    if "driver" not in top:
-        raise top.absent(DRIVER.name, "write [driver] with demand = -1.0, or [[s, share], …]")
-    driver = top.section(DRIVER.name)
-    if DEMAND.name not in driver:
-        raise driver.absent(DEMAND.name, "it takes a share, or [[s, share], …]")
-    demand = Course(*DEMAND.read(driver))
-    driver.done()
+    demand = Course((0.0,), (0.0,))
+    with top.collected():
+        demand = _demand(top)
     speed = Course(*SPEED.read(top))
     train = Scenario(
         name=name,
@@ -165,6 +161,17 @@ def read_drive_scenario(top: Section, name: str) -> DriveScenario:
     )
     top.done()
     return out
+
+
+def _demand(top: Section) -> Course:
+    if DRIVER.name not in top:
+        raise top.absent(DRIVER.name, "write [driver] with demand = -1.0, or [[s, share], …]")
+    driver = top.section(DRIVER.name)
+    if DEMAND.name not in driver:
+        raise driver.absent(DEMAND.name, "it takes a share, or [[s, share], …]")
+    demand = Course(*DEMAND.read(driver))
+    driver.done()
+    return demand
 
 
 def _actuators(section: Section) -> Actuators:

@@ -24,7 +24,7 @@ from sim_ecu.physics.wheelset import Command, Wheelset
 from sim_ecu.play import scenario_keys as keys
 from sim_ecu.play.encoder import SAMPLE_US
 from sim_ecu.play.faults import Fault, read_fault
-from sim_ecu.play.vehicles import read_vehicle
+from sim_ecu.play.vehicles import DEFAULT_VEHICLE, load_vehicle, read_vehicle
 from wrcd.config.keys import Choice, Number, names
 from wrcd.config.settings import Section, read_whole, suggest
 from wrcd.core.configuration import MAX_AXLES
@@ -170,23 +170,25 @@ def read_scenario(top: Section, name: str) -> Scenario:
 
 def read_train(top: Section, drive: DriveCourse | None = None) -> tuple[Wheelset, tuple[AxleScenario, ...]]:
     """The vehicle and its axles; drive as of read_axles()."""
-    wheelset = Wheelset()
-    for key in (keys.OF_AXLE, *keys.SHARED):
+    for key in (keys.OF_AXLE, keys.WHEELSET, *keys.SHARED):
         if drive is None or key is not keys.DRIVE:
             top.raw(key.name)  # known, whatever is wrong before they are read
+    read: list[Wheelset] = []
     with top.collected():
-        wheelset = read_vehicle(top)
+        read.append(read_vehicle(top))
+    wheelset = read[0] if read else load_vehicle(DEFAULT_VEHICLE)  # to go on with
     with top.collected():
         return wheelset, read_axles(top, wheelset, drive)
     return wheelset, ()  # there is a mistake in them
 
 
 def read_faults(top: Section, axles: Sequence[AxleScenario]) -> tuple[Fault, ...]:
-    """[[fault]], of axles that are there."""
+    """[[fault]], of axles that are named. axles: those that could be read."""
     faults: list[Fault] = []
+    numbers = sorted(top.raw("axles") or [1]) if axles else []
     for f in top.sections("fault"):
         with f.collected():
-            faults += [read_fault(f, [a.number for a in axles])] if axles else []
+            faults += [read_fault(f, numbers)] if numbers else []
     return tuple(faults)
 
 
@@ -253,26 +255,28 @@ def _seed(section: Section, default: int) -> int:
     seed = section.get("seed", int, default)
     if seed < 0:
         section.refuse(f"must not be negative, is {seed}", "seed")
+        return default
     return seed
 
 
 def _rail(section: Section) -> FloatArray:
     """Sections of rail, each from a distance on."""
     parts: list[RailSection] = []
-    for part in section.sections("rail"):
+    mistakes = section.mistakes
+    for place, part in enumerate(section.sections("rail")):
         with part.collected():
-            parts.append(_rail_section(part, parts))
-    if not parts and section.mistakes:
+            parts.append(_rail_section(part, place, parts))
+    if not parts and section.mistakes > mistakes:
         raise section.newest_mistake
     if not parts:
         raise section.error("needs at least one section", "rail", 'write [[rail]] with curve = "A"')
     return rail_table(parts)
 
 
-def _rail_section(part: Section, before: Sequence[RailSection]) -> RailSection:
+def _rail_section(part: Section, place: int, before: Sequence[RailSection]) -> RailSection:
     mistakes = part.mistakes
     start, curve, radius, cant = keys.FROM.of(part), _curve(part), keys.RADIUS.of(part), keys.CANT.of(part)
-    if not before and "transition_m" in part:
+    if not place and "transition_m" in part:
         part.refuse("the first section has none to come from", "transition_m", "begin with a straight [[rail]]")
     transition, edge = keys.TRANSITION.of(part), keys.EDGE.of(part)
     part.done()
@@ -298,7 +302,10 @@ def _curve(part: Section) -> CreepCurve:
 
 
 def _drive(section: Section) -> DriveCourse:
+    mistakes = section.mistakes
     d = section.section("drive")
+    if section.mistakes > mistakes:
+        raise section.newest_mistake
     given = [key for key in keys.DEMANDS if key.name in d]
     if len(given) != 1:
         named = ", ".join(key.name for key in given)

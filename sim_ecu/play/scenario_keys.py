@@ -58,9 +58,10 @@ class Over(Key):
         except (TypeError, ValueError):
             table = np.zeros(0)
         if table.ndim != 2 or table.shape[1] != 2 or not len(table) or not np.all(np.diff(table[:, 0]) >= 0):
-            raise section.error("takes a number or [[time_s, value], …] with times that do not fall", self.name)
+            section.refuse("takes a number or [[time_s, value], …] with times that do not fall", self.name)
+            return (0.0,), (self.default or 0.0,)
         if not np.all((table[:, 1] >= self.low) & (table[:, 1] <= self.high)):
-            raise section.error(f"takes values from {self.low:g} to {self.high:g}", self.name)
+            section.refuse(f"takes values from {self.low:g} to {self.high:g}", self.name)
         return tuple(table[:, 0].tolist()), tuple(table[:, 1].tolist())
 
 

@@ -94,8 +94,8 @@ ROWS = (
     *(_row(kind, of, _leaves(of)) for kind in ("burst", "status") for of in ("torque", "speed")),
     # a sender that says Degraded, and then Ok: the estimate is a window old
     *(_row("status", of, _leaves(of), amount=1.0) for of in (*_ONE_AND_ALL, "speed")),
-    # the first frame of a freeze is still true
-    *(_row("freeze", of, _leaves(of, noticed_ms=CYCLE_MS["yaw_rate"])) for of in _ONE_AND_ALL),
+    # the first frame of a freeze is still true, and six more are alike
+    *(_row("freeze", of, _leaves(of, noticed_ms=7 * CYCLE_MS["yaw_rate"] - TIMEOUT_MS[of])) for of in _ONE_AND_ALL),
     *(_row("sender", of, _two_senders(of)) for of in _ONE_AND_ALL),
     *(_row(kind, ALL, _leaves(ALL)) for kind in SILENT),
     *(_row("loss", of, Stays(1.0)) for of in _ONE_AND_ALL),
@@ -268,15 +268,17 @@ def _degraded(axle: int, signals: Sequence[str]) -> tuple[str, ...]:
 
 
 def _frozen(axle: int, signals: Sequence[str]) -> tuple[str, ...]:
-    """The sensor that moves oftener is refused first."""
+    """The sensor that repeats itself least is refused first, or both at once."""
     first = _pair(signals)
     units = {"yaw_rate": "rad/s", "lateral_acceleration": "m/s2"}
     same = "; ".join(f"{named(s, axle)} has been # {units[s]} in # frames on end" for s in first)
     stale, silent = (_old(axle, first[-1:], [limit], "# stuck") for limit in (TIMEOUT_MS[first[-1]], SILENT_MS))
-    other = f"[{_old(axle, first[:-1], [SILENT_MS] * (len(first) - 1), '# stuck')}; ]" if first[:-1] else ""
+    others, is_one = first[:-1], len(first) == 1
+    other = "" if is_one else f"[{_old(axle, others, [SILENT_MS] * len(others), '# stuck')}; ]"
+    also = "" if is_one else f"[{_old(axle, others, [TIMEOUT_MS[s] for s in others], '# stuck')}; ]"
     return (
         f"Valid -> Degraded, Unchanged: {same}",
-        f"Degraded, InputStale: {stale}",
+        f"Degraded, InputStale: {also}{stale}",
         f"Degraded -> NotAvailable, InputSilent: {other}{silent}",
         *_back(),
     )

@@ -45,7 +45,8 @@ _HAS_MESSAGE = re.compile(r"^\s*BO_ ", re.MULTILINE)
 # what cantools says of value tables and value types of signals that there are not
 _ORPHANS = re.compile(r"^    (VAL_|SIG_VALTYPE_) (\d+) (\w+)$", re.MULTILINE)
 DEFAULT_TIMEOUT_MS = 100  # of a signal for which nobody states a time-out or a cycle
-TIMEOUT, PROFILE = OF_ALL = ("GenSigTimeoutTime", "E2EProfile")  # whose default holds; E2EDataId's would be no id
+TIMEOUT, PROFILE = "GenSigTimeoutTime", "E2EProfile"
+KNOWN_PROFILE = "P11"
 NO_PROFILE = ("", "none", "no")
 LONGEST_MS = 65_535  # of cycles and time-outs: the range that DBCs usually give these attributes
 
@@ -136,8 +137,8 @@ def _parse(text: str) -> tuple[Database, dict[str, str], list[Orphan]]:
 
 
 def _complete(database: Database) -> None:
-    """Give signals what the file says of them and cantools does not: no range by [0.0|0.0], the start value of all, and
-    the shortest of the time-outs of their receivers, where they have none of their own."""
+    """Give signals what the file says of them and cantools does not: no range by [0.0|0.0], the start value of all that
+    can hold it, and the shortest of the time-outs of their receivers, where they have none of their own."""
     if (whole := database.dbc) is None:
         return
     start: Any = whole.attribute_definitions.get("GenSigStartValue")
@@ -148,20 +149,48 @@ def _complete(database: Database) -> None:
         for s in m.signals:
             if s.minimum == s.maximum == 0:
                 s.minimum = s.maximum = None
-            if s.raw_initial is None and start is not None and start.default_value:
+            if s.raw_initial is None and start is not None and _holds(s, start.default_value):
                 s.raw_initial = start.default_value
-            stated = [given[TIMEOUT] for given in of_signals.get(s.name, {}).values() if TIMEOUT in given]
+            related = [given[TIMEOUT] for given in of_signals.get(s.name, {}).values() if TIMEOUT in given]
+            stated = [a for a in related if is_time(a.value)]
             if stated and s.dbc is not None:
                 s.dbc.attributes.setdefault(TIMEOUT, min(stated, key=lambda a: float(a.value)))
 
 
+def _holds(s: Signal, raw: object) -> bool:
+    if s.is_float or type(raw) is not int:
+        return s.is_float and type(raw) in (int, float)
+    return -(1 << s.length - 1) * s.is_signed <= raw < 1 << s.length - s.is_signed
+
+
+def is_time(value: object) -> bool:
+    """Whether an attribute's value is a time-out: a number of milliseconds, and not 0, which stands for none."""
+    return isinstance(value, int | float) and 1 <= value <= LONGEST_MS
+
+
 def attribute(thing: Message | Signal, name: str) -> Any:
-    """The value of a DBC attribute, or None; of an ENUM its word. A file's default counts where it may hold for all."""
-    found = thing.dbc.attributes.get(name) if thing.dbc is not None else None
-    if thing.dbc is None or (found is None and not (name in OF_ALL and name in thing.dbc.attribute_definitions)):
+    """The value of a DBC attribute, or None; of an ENUM its word. A file's default counts where it may hold for all: a
+    time-out, and an E2E profile; the known one where a message has a data id of its own."""
+    if thing.dbc is None:
         return None
-    definition: Any = found.definition if found is not None else thing.dbc.attribute_definitions[name]
-    value, words = found.value if found is not None else definition.default_value, definition.choices
+    given, definition = thing.dbc.attributes.get(name), thing.dbc.attribute_definitions.get(name)
+    if given is not None:
+        return _word(given.definition, given.value)
+    value = None if definition is None else _word(definition, definition.default_value)
+    holds = {
+        TIMEOUT: isinstance(thing, Signal) and is_time(value),
+        PROFILE: is_profile(value) and (value != KNOWN_PROFILE or "E2EDataId" in thing.dbc.attributes),
+    }
+    return value if holds.get(name) else None
+
+
+def is_profile(word: object) -> bool:
+    """Whether a word is the name of an E2E profile. Files have many words for none."""
+    return bool(re.fullmatch(r"P\d+[A-Za-z]?", str(word)))
+
+
+def _word(definition: Any, value: Any) -> Any:
+    words = definition.choices
     return words[value] if isinstance(value, int) and 0 <= value < len(words) else value
 
 
@@ -226,8 +255,10 @@ def data_id(message: Message) -> int | None:
     profile = e2e_profile(attribute(message, PROFILE))
     if not profile:
         return None
-    if profile != "P11" or message.length < 2:
+    if profile != KNOWN_PROFILE:
         raise ValueError(f"message {message.name} asks for E2E profile {profile!r}; only P11 is known")
+    if message.length < 2:
+        raise ValueError(f"message {message.name} asks for E2E profile P11 and has no room for CRC and counter")
     identity = attribute(message, "E2EDataId")
     if not isinstance(identity, int) or not 0 <= identity <= 0xFFFF:
         raise ValueError(f"message {message.name} needs an E2EDataId of 0 … 65535, not {identity!r}")

@@ -128,8 +128,8 @@ def without_impossible_messages(text: str) -> tuple[str, dict[str, str]]:
     return "".join(out), reasons
 
 
-_ENUM = re.compile(r'^\s*BA_DEF_\s+(?:\w+\s+)?"(\w+)"\s+ENUM\s+("[^;]*);', re.MULTILINE)
-_GIVEN = re.compile(r'^(\s*BA_\s+"(\w+)"[^";]*)"([^"]*)"(\s*;)', re.MULTILINE)
+_ENUM = re.compile(r'^[ \t]*BA_DEF_\s+(?:\w+\s+)?"(\w+)"\s+ENUM\s+("[^;]*);', re.MULTILINE)
+_GIVEN = re.compile(r'^([ \t]*BA_\s+"(\w+)"[^";]*)"([^"]*)"(\s*;)', re.MULTILINE)
 
 
 def numbered_choices(text: str) -> str:

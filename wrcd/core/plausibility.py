@@ -9,7 +9,7 @@ from wrcd.bus.units import Quantity
 # How seldom is learnt; a run of equal values that would come about by chance once in so many frames is
 # doubted (the axle is not Valid while it lasts, and for a window after it: once in some hours is seldom enough), and
 # one that never would is refused.
-DOUBTED, STUCK = math.log(1e-7), math.log(1e-12)
+DOUBTED, STUCK = math.log(1e-6), math.log(1e-12)
 MIN_RUN = 4
 # Of frames that repeat the one before: at first and at least, for a sensor that vibration dithers at speed is coarser
 # where the train is slow; and while it is learnt.

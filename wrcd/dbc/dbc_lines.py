@@ -6,12 +6,14 @@ a number here: lint judges it.
 
 import codecs
 import contextlib
+import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
+from wrcd.bus.dbc import PROFILE, e2e_profile, is_profile, is_time
 from wrcd.bus.dbc_text import read_text
 from wrcd.errors import InputError
 
@@ -149,6 +151,11 @@ class DbcText:
         chosen = choices and not given.is_text and given.value.isdigit()
         return choices.get(int(given.value), given.value) if chosen else given.value
 
+    def e2e_profile(self, message: Message) -> str:
+        """The profile that a message asks for, empty for none."""
+        profile = e2e_profile(self.attribute(message, PROFILE))
+        return profile if PROFILE in message.attributes or is_profile(profile) else ""
+
     def number(self, thing: Message | Signal, name: str) -> float | None:
         """The same as a number, or None where it is none."""
         value = self.attribute(thing, name)
@@ -172,12 +179,13 @@ def _long_name(of: Message | Signal) -> str:
     return given.value if given is not None and given.value else of.name
 
 
-def _is_less(given: Attribute | None, token: "Token") -> bool:
-    """Whether an attribute is a number below another one."""
+def _is_shorter(token: "Token", than: Attribute | None) -> bool:
+    """Whether a receiver's time is one, and shorter than another's."""
     try:
-        return given is not None and float(given.value) < float(token.text)
+        time, other = float(token.text), math.inf if than is None else float(than.value)
     except ValueError:
         return False
+    return is_time(time) and not (is_time(other) and other < time)
 
 
 class Token(NamedTuple):
@@ -368,7 +376,7 @@ class _Statements:
             s.is_float = bool(rest) and rest[-1].text in ("1", "2", "3")
         elif keyword.text == "CM_" and rest:
             s.comment = rest[0].text
-        elif rest and attribute and not (keyword.text == "BA_REL_" and _is_less(s.attributes.get(attribute), rest[0])):
+        elif rest and attribute and (keyword.text == "BA_" or _is_shorter(rest[0], s.attributes.get(attribute))):
             s.attributes[attribute] = Attribute(keyword.line, rest[0].text, rest[0].kind == "string")
 
     def _whole(self, token: Token) -> int:

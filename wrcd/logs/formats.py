@@ -27,9 +27,9 @@ MAX_STAMP_US = 10**17  # the year 5138
 BLF_WRAP_S = 2**64 * 1e-9  # a stamp before the begin, as of a pre-trigger: python-can reads it without its sign
 MF4_LOCAL_TIME = 1  # a flag of the header
 MIN_LONG_ID = 0x800
-CSV_BEGIN = b"timestamp,arbitration_id,"
+CSV_BEGIN, HEAD_BYTES = b"timestamp,arbitration_id,", 100
 BLF_HEADER, BLF_SIZE_AT = 16, 8  # bytes of an object's header; where in it the object's length and kind stand
-BLF_UNREAD = (2, 3)  # CAN_ERROR, CAN_OVERLOAD
+BLF_UNREAD = (2, 3, 104)  # CAN_ERROR, CAN_OVERLOAD, CAN_FD_ERROR_64
 
 
 def read(path: Path, suffix: str, file: IO[bytes], damage: Damage) -> Iterator[tuple[Frame, str]]:
@@ -57,7 +57,8 @@ def _given_up(damage: Damage) -> Iterator[None]:
 
     class Count(logging.Handler):
         def emit(self, record: logging.LogRecord) -> None:
-            damage.note()
+            if "".join(map(str, record.args or ())).strip():  # a blank line is none
+                damage.note()
 
     logger, handler = logging.getLogger("can.io.trc"), Count(logging.WARNING)
     logger.addHandler(handler)
@@ -127,7 +128,7 @@ class _LongIds:
 
 def _mf4_reader(damage: Damage) -> type[BinaryIOMessageReader]:
     """python-can's reader. Error frames that it may not understand are left out, and that is said. Where no member IDE
-    tells ids of 29 bits, bit 31 does, which python-can drops. A begin in local time is somebody's, and that is said."""
+    tells ids of 29 bits, bit 31 does, which python-can drops, or their size. A begin in local time is somebody's, and that is said."""
 
     class Mf4Reader(can.MF4Reader):
         class _CANDataFrameIterator(_LongIds, can.MF4Reader._CANDataFrameIterator):  # type: ignore[misc]
@@ -145,7 +146,7 @@ def _mf4_reader(damage: Damage) -> type[BinaryIOMessageReader]:
 
         def __init__(self, file: Any) -> None:
             super().__init__(file)
-            if self._mdf.header.time_flags & MF4_LOCAL_TIME:
+            if getattr(self._mdf.header, "time_flags", 0) & MF4_LOCAL_TIME:  # what is no MDF 4 has other words for it
                 damage.remarks.append("its begin is in local time, which is taken for this computer's")
 
     return Mf4Reader
@@ -158,13 +159,8 @@ def _reader(path: Path, suffix: str, file: IO[bytes], damage: Damage) -> Message
         if cast(io.BufferedReader, file).peek(3).startswith(codecs.BOM_UTF8):
             file.read(len(codecs.BOM_UTF8))
         # every byte is a character: only frames count, and they are ASCII
-        if suffix == ".csv" and not (cast(io.BufferedReader, file).peek(len(CSV_BEGIN)) or CSV_BEGIN).startswith(
-            CSV_BEGIN
-        ):
-            raise InputError(
-                f"is none of python-can's, whose first line is {CSV_BEGIN.decode()}…", file=path,
-                hint="export it as a candump log (SavvyCAN: Save Log File, *.log)",
-            )  # fmt: skip
+        if suffix == ".csv":
+            _check_csv(path, cast(io.BufferedReader, file).peek(HEAD_BYTES))
         reader: MessageReader = kind(io.TextIOWrapper(file, encoding="latin-1"))
         if suffix == ".asc":
             vars(reader)["file"] = _AscLines(vars(reader)["file"])
@@ -172,6 +168,16 @@ def _reader(path: Path, suffix: str, file: IO[bytes], damage: Damage) -> Message
     if kind is not None and issubclass(kind, BinaryIOMessageReader):
         return cast(MessageReader, kind(file))
     return can.LogReader(path)  # a database has a path, and python-can's word stands for what it does not know
+
+
+def _check_csv(path: Path, begin: bytes) -> None:
+    """python-can skips the first line unread. Raises InputError for one that may be a frame, or of another tool."""
+    head = re.sub(rb'[\s"]', b"", begin).lower()[: len(CSV_BEGIN)]
+    if not CSV_BEGIN.startswith(head):  # it may be short: of a packed file as much as is unpacked
+        raise InputError(
+            f"is none of python-can's, whose first line is {CSV_BEGIN.decode()}…", file=path,
+            hint="export it as a candump log (SavvyCAN: Save Log File, *.log)",
+        )  # fmt: skip
 
 
 def _frame(m: can.Message) -> Frame:

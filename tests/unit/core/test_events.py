@@ -131,7 +131,7 @@ def clock_step(sim: SensorSimulator) -> None:
         (speed_beyond, "SpeedOutOfRange: speed VehicleSpeed.Speed 60.50 m/s, design 3 to 60"),
         (
             lambda sim: sim.during(60, frozen=True),
-            "Unchanged: yaw rate YawRate_A1.YawRate has been 0.0006 rad/s in 8 frames on end",
+            "Unchanged: yaw rate YawRate_A1.YawRate has been 0.0006 rad/s in 7 frames on end",
         ),
         (lambda sim: sim.during(60, speed=40.0), "Restarted: speed VehicleSpeed.Speed jumped to 40.00 m/s"),
         (standstill, "Standstill: speed VehicleSpeed.Speed 2.80 m/s, limit 3"),

@@ -46,7 +46,7 @@ def test_sensor_as_coarse_as_its_noise_is_not_doubted(steps: float) -> None:
     assert doubts <= 1
 
 
-@pytest.mark.parametrize(("steps", "doubted_ms", "stuck_ms"), [(100.0, 35, 80), (5.0, 35, 80), (1.0, 90, 160)])
+@pytest.mark.parametrize(("steps", "doubted_ms", "stuck_ms"), [(100.0, 30, 80), (5.0, 30, 80), (1.0, 80, 160)])
 def test_stuck_sensor_is_unchanged_at_its_timeout_then_rejected(steps: float, doubted_ms: int, stuck_ms: int) -> None:
     r = taught(steps, 2000)
     r.check(0.5, 10_000 * MS, moving=True)
@@ -68,8 +68,8 @@ def test_stuck_sensor_is_unchanged_at_its_timeout_then_rejected(steps: float, do
 @pytest.mark.parametrize(
     ("steps", "said"),
     [
-        (1.0, "a frozen one is found after 18 repeats, and a sound one may be taken for it"),
-        (2.0, "a frozen one is found after 50 repeats, and a sound one may be taken for it"),
+        (1.0, "a frozen one is found after 16 repeats, and a sound one may be taken for it"),
+        (2.0, "a frozen one is found after 43 repeats, and a sound one may be taken for it"),
         (4.0, "a sound one is taken for frozen"),
     ],
 )

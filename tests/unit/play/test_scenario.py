@@ -52,6 +52,7 @@ def test_the_frames_of_a_sample_are_sent_before_the_next(axles: int, spacing_us:
 
 
 RAIL, DRIVE = 'rail = [{ curve = "A" }]\n', "drive = { utilisation = 0.3 }\n"
+FAULT = '[[fault]]\nkind = "bias"\nat_s = 1\n'
 # by declared table: a scenario with one more line in it
 WITH = {
     "": "@\n" + RAIL + DRIVE,
@@ -64,7 +65,7 @@ WITH = {
 }
 # which the parser asks for only where they are there, or beside no other
 ONLY_IF_THERE = {
-    "": {"axles"}, "rail": {"curve"}, "drive": {"utilisation", "creep", "creep_of_peak"}, "fault": {"amount"},
+    "rail": {"curve"}, "drive": {"utilisation", "creep", "creep_of_peak"}, "fault": {"amount"},
     "wheelset": {"name"},
 }  # fmt: skip
 
@@ -171,3 +172,25 @@ def test_all_mistakes_of_a_scenario_are_said_at_once(tmp_path: Path, to_drive: b
     lines[-3] -= 1  # what is missing is said at its table
     assert [e.line for e in said.value.errors] == lines
     assert "tarck: unknown key — did you mean 'track'?" in str(said.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "keys"),
+    [
+        # beside each, what would only follow from it
+        ('vehicle = "lone-wheelst"\nsensors = { mounting = "bogie frame" }\nwheelset = { m_w = 1e3 }\n', ["vehicle"]),
+        ("axles = [1, 2]\naxle.2.axlebox.band_hz = [5, 1]\n@" + FAULT + "axle = 2\n", ["axle.2.axlebox.band_hz"]),
+        ('rail = [{ curve = "Z" }, { from_m = 9, curve = "A", transition_m = 2 }]\n' + DRIVE, ["rail[1].curve"]),
+        ('vehicle = "x"\nrail = []\n' + DRIVE, ["vehicle", "rail"]),
+        ("seed = -3\n", ["seed"]),
+        ("drive = 3\n" + RAIL, ["drive"]),
+        ("speed_m_s = [[0, 500]]\nfoo = 1\n@[[fault]]\nat_s = 1\n", ["speed_m_s", "foo", "fault[1].kind"]),
+    ],
+)
+def test_no_mistake_of_a_scenario_follows_from_another_or_hides_one(text: str, keys: list[str], tmp_path: Path) -> None:
+    file = tmp_path / "mistaken.toml"
+    file.write_text(text.replace("@", RAIL + DRIVE) if "@" in text or "rail" in text else text + RAIL + DRIVE)
+    with pytest.raises(InputError) as said:
+        load_scenario(str(file))
+    errors = said.value.errors if isinstance(said.value, InputErrors) else (said.value,)
+    assert [e.key for e in errors] == keys

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterable
 
-from wrcd.bus.dbc import PROFILE, e2e_profile
 from wrcd.bus.words import degraded, unusable, usable
 from wrcd.config.outputs import ADHESION_MS, NEEDS
 from wrcd.config.section import toml
@@ -60,11 +59,7 @@ def propose_adhesion(draft: Proposal, dbc: DbcText, number: int, axles: int) -> 
     if not dbc.number(best, "GenMsgCycleTime"):
         draft.doubt(about, f"{best.name} has no cycle in the DBC: {ADHESION_MS} ms are taken")
         draft.add(f"adhesion.cycle_ms = {ADHESION_MS}")
-    if (
-        not e2e_profile(dbc.attribute(best, PROFILE))
-        and any(map(is_crc, best.signals))
-        and any(map(is_counter, best.signals))
-    ):
+    if not dbc.e2e_profile(best) and any(map(is_crc, best.signals)) and any(map(is_counter, best.signals)):
         draft.doubt(about, f"{best.name} has a CRC and a counter, but no E2EProfile")
         draft.add('# adhesion.e2e = "P11"', "# adhesion.data_id = 0")
     _percentages(draft, about, best)

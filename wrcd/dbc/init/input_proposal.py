@@ -3,7 +3,7 @@
 import re
 from dataclasses import dataclass, field
 
-from wrcd.bus.dbc import DEFAULT_TIMEOUT_MS, PROFILE, e2e_profile
+from wrcd.bus.dbc import DEFAULT_TIMEOUT_MS
 from wrcd.bus.statuses import STATUS
 from wrcd.bus.units import Quantity
 from wrcd.bus.words import STATUS_NAMES, unusable, usable
@@ -234,7 +234,7 @@ def _time(table: _Keys, dbc: DbcText, c: SignalCandidate, design: Design) -> Non
 
 
 def _protection(table: _Keys, dbc: DbcText, c: SignalCandidate) -> None:
-    profile = e2e_profile(dbc.attribute(c.message, PROFILE))
+    profile = dbc.e2e_profile(c.message)
     if profile and profile != "P11":
         table.blocked.append(
             f'{c.message.name} has E2E profile {profile!r}; only P11 is known, e2e = "none" reads unchecked'

@@ -6,7 +6,7 @@ inputs: what looks like one.
 from collections.abc import Collection, Iterator
 from itertools import combinations
 
-from wrcd.bus.dbc import LONGEST_MS, PROFILE, e2e_profile
+from wrcd.bus.dbc import LONGEST_MS, PROFILE
 from wrcd.bus.words import unusable
 from wrcd.dbc.dbc_lines import NO_MESSAGE, NO_NODE, DbcText, Message, Signal
 from wrcd.dbc.lint.codes import Flaw
@@ -276,7 +276,7 @@ def _timeout(dbc: DbcText, s: Signal, cycle: float) -> Iterator[Flaw]:
 def check_protection(dbc: DbcText, inputs: Collection[SignalCandidate]) -> Iterator[Flaw]:
     """Yield what is wrong with E2E attributes."""
     ids: dict[float, Message] = {}
-    protected = [m for m in dbc.on_the_bus if e2e_profile(dbc.attribute(m, PROFILE))]
+    protected = [m for m in dbc.on_the_bus if dbc.e2e_profile(m)]
     for m in protected:
         profile = dbc.attribute(m, PROFILE)
         if profile != KNOWN:
