@@ -15,7 +15,7 @@ MIN_RUN = 4
 # where the train is slow; and while it is learnt.
 FIRST_SHARE, FIRST_FRAMES, MAX_FRAMES = 0.05, 20.0, 1000.0
 GOES_ON = 1.5  # a run goes on oftener than frames repeat: most where the slow value is in the middle of a step (1.41)
-MAX_SHARE = 0.9  # of runs that go on; a coarser sensor is not watched: it would be doubted after 0.8 s at 200 Hz
+MAX_SHARE = 0.9  # of runs that go on; a coarser sensor is not watched: it would be doubted after 0.7 s at 200 Hz
 STUCK_CHECKED = (Quantity.YAW_RATE, Quantity.LAT_ACCEL)
 
 # What no vehicle changes by from one frame to the next (or within 0.1 s, if that is longer). A value further away is
