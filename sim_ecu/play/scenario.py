@@ -185,16 +185,17 @@ def read_train(top: Section, drive: DriveCourse | None = None) -> tuple[Wheelset
 def read_faults(top: Section, axles: Sequence[AxleScenario]) -> tuple[Fault, ...]:
     """[[fault]], of axles that are named. axles: those that could be read."""
     faults: list[Fault] = []
-    numbers = sorted(top.raw("axles") or [1]) if axles else []
+    numbers = sorted(axle_numbers(top)) if axles else []
     for f in top.sections("fault"):
         with f.collected():
             faults += [read_fault(f, numbers)] if numbers else []
     return tuple(faults)
 
 
-def read_axles(top: Section, wheelset: Wheelset, drive: DriveCourse | None = None) -> tuple[AxleScenario, ...]:
-    """The axles of a vehicle in the order of their numbers. drive: that of each, where no table may give one."""
-    numbers = top.raw("axles") if "axles" in top else [1]
+def axle_numbers(top: Section) -> list[int]:
+    """As `axles` has them; [1] without it. Raises InputError."""
+    given = top.raw("axles")
+    numbers = [1] if given is None else given
     if (
         not isinstance(numbers, list)
         or not 1 <= len(numbers) <= MAX_AXLES
@@ -203,6 +204,12 @@ def read_axles(top: Section, wheelset: Wheelset, drive: DriveCourse | None = Non
         raise top.error(f"takes one to {MAX_AXLES} of the numbers 1 … {MAX_AXLES}, not {numbers!r}", "axles")
     if len(set(numbers)) != len(numbers):
         raise top.error(f"{numbers!r} names an axle twice", "axles")
+    return numbers
+
+
+def read_axles(top: Section, wheelset: Wheelset, drive: DriveCourse | None = None) -> tuple[AxleScenario, ...]:
+    """The axles of a vehicle in the order of their numbers. drive: that of each, where no table may give one."""
+    numbers = axle_numbers(top)
     # what an axle may have otherwise
     common = {"rail": None, "drive": None, "track": SPECTRA["good"], "sensors": SENSOR_SETS["mems"],
               "axlebox": QUIET}  # fmt: skip

@@ -35,8 +35,9 @@ finally:
         del sys.modules["cantools"]
 
 __all__ = [
-    "DEFAULT_TIMEOUT_MS", "PROFILE", "TIMEOUT", "Database", "Message", "Signal", "attribute", "cycle_ms", "data_id",
-    "e2e_profile", "find_message", "find_signal", "load_dbc", "parse_dbc", "shortest_timeout_us", "timeout_ms",
+    "DATA_ID", "DEFAULT_TIMEOUT_MS", "KNOWN_PROFILE", "PROFILE", "TIMEOUT", "Database", "Message", "Signal",
+    "attribute", "cycle_ms", "data_id", "e2e_profile", "find_message", "find_signal", "load_dbc", "parse_dbc",
+    "shortest_timeout_us", "timeout_ms",
 ]  # fmt: skip
 # What it says of a file beside our own warnings. Without a handler Python writes it to standard error.
 logging.getLogger("cantools").addHandler(logging.NullHandler())
@@ -45,7 +46,7 @@ _HAS_MESSAGE = re.compile(r"^\s*BO_ ", re.MULTILINE)
 # what cantools says of value tables and value types of signals that there are not
 _ORPHANS = re.compile(r"^    (VAL_|SIG_VALTYPE_) (\d+) (\w+)$", re.MULTILINE)
 DEFAULT_TIMEOUT_MS = 100  # of a signal for which nobody states a time-out or a cycle
-TIMEOUT, PROFILE = "GenSigTimeoutTime", "E2EProfile"
+TIMEOUT, PROFILE, DATA_ID = "GenSigTimeoutTime", "E2EProfile", "E2EDataId"
 KNOWN_PROFILE = "P11"
 NO_PROFILE = ("", "none", "no")
 LONGEST_MS = 65_535  # of cycles and time-outs: the range that DBCs usually give these attributes
@@ -177,11 +178,11 @@ def attribute(thing: Message | Signal, name: str) -> Any:
     if given is not None:
         return _word(given.definition, given.value)
     value = None if definition is None else _word(definition, definition.default_value)
-    holds = {
-        TIMEOUT: isinstance(thing, Signal) and is_time(value),
-        PROFILE: is_profile(value) and (value != KNOWN_PROFILE or "E2EDataId" in thing.dbc.attributes),
-    }
-    return value if holds.get(name) else None
+    if name == PROFILE:
+        holds = is_profile(value) and (value != KNOWN_PROFILE or DATA_ID in thing.dbc.attributes)
+    else:
+        holds = name == TIMEOUT and is_time(value)
+    return value if holds else None
 
 
 def is_profile(word: object) -> bool:
@@ -259,7 +260,7 @@ def data_id(message: Message) -> int | None:
         raise ValueError(f"message {message.name} asks for E2E profile {profile!r}; only P11 is known")
     if message.length < 2:
         raise ValueError(f"message {message.name} asks for E2E profile P11 and has no room for CRC and counter")
-    identity = attribute(message, "E2EDataId")
+    identity = attribute(message, DATA_ID)
     if not isinstance(identity, int) or not 0 <= identity <= 0xFFFF:
         raise ValueError(f"message {message.name} needs an E2EDataId of 0 … 65535, not {identity!r}")
     return identity

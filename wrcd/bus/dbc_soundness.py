@@ -1,5 +1,6 @@
 """What is wrong with single messages of a DBC: cantools' strict loading would refuse the file for it."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -20,9 +21,9 @@ class Orphan(NamedTuple):
 def why_unsound(message: "Message") -> str | None:
     """Return what cantools' strict loading has against a message, or None: signals of one name, that overlap or do not
     fit in."""
-    names = [s.name for s in message.signals]
-    if twice := next((name for name in names if names.count(name) > 1), None):
-        return f"there are {names.count(twice)} signals of the name {twice}"
+    (name, count), *_ = Counter(s.name for s in message.signals).most_common(1) or [("", 0)]
+    if count > 1:
+        return f"there are {count} signals of the name {name}"
     try:
         _used_bits(message, message.signal_tree, {})
     except ValueError as e:

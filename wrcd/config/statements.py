@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-from wrcd.bus.dbc import PROFILE, Database, Message, attribute, data_id, e2e_profile, find_message
+from wrcd.bus.dbc import DATA_ID, PROFILE, Database, Message, attribute, data_id, e2e_profile, find_message
 from wrcd.bus.positions import frame_length, position
 from wrcd.bus.units import Quantity
 from wrcd.config import declared
@@ -204,7 +204,7 @@ def e2e_identity(table: Section, message: Message, e2e: str | None, stated: int 
     if message.length < 2:
         raise table.error(f"message {message.name} has no room for CRC and counter", declared.E2E.name)
     if stated is None:
-        known = attribute(message, "E2EDataId")
+        known = attribute(message, DATA_ID)
         if (
             not isinstance(known, int)
             or not 0 <= known <= declared.DATA_ID.high

@@ -211,10 +211,13 @@ class AxleModel:
 
     def take(self, own: OwnFrames, frames: Scan) -> None:
         """Take what good frames tell of it."""
-        adhesion = own.adhesion(frames, self.number)
+        found = (own.adhesion(frames, self.number), own.detail(frames, self.number), own.health(frames, self.number))
+        self._keep(*found)
+
+    def _keep(self, adhesion: AdhesionRecord | None, detail: Detail | None, health: HealthRecord | None) -> None:
         if adhesion is not None:
             self.has_come |= bool((adhesion.validity != 0).any())
-        for record in (adhesion, own.detail(frames, self.number), own.health(frames, self.number)):
+        for record in (adhesion, detail, health):
             if record is not None:
                 self.append(record)
 
@@ -226,10 +229,7 @@ class AxleModel:
         """Take what a core made of a log, in place of what the daemon's frames said."""
         for kind in (AdhesionRecord, Detail, HealthRecord):
             self._buffers[kind].clear()
-        self.has_come |= bool((axle.adhesion.validity != 0).any())
-        for record in (axle.adhesion, axle.detail, axle.health):
-            if record is not None:
-                self.append(record)
+        self._keep(axle.adhesion, axle.detail, axle.health)
         self.history.know(axle.events)
 
     @property

@@ -38,8 +38,11 @@ def test_form_that_cantools_loads_strictly_is_loaded_alike(name: str) -> None:
     expected = cantools.database.load_file(FOLDER / f"{name}.dbc", strict=True, encoding="utf-8")
     assert isinstance(expected, AnyDatabase)
     if name == "attributes":  # cantools keeps a receiver's time-out beside the signal
-        related = expected.dbc.relation_attributes.node_signal_relations  # type: ignore[union-attr]
-        expected.messages[0].signals[1].dbc.attributes.update(related[100]["NoUnit"]["WRC"])
+        signal = expected.messages[0].signals[1]
+        assert signal.dbc is not None
+        assert expected.dbc is not None
+        assert expected.dbc.relation_attributes is not None
+        signal.dbc.attributes.update(expected.dbc.relation_attributes.node_signal_relations[100][signal.name]["WRC"])
     found = load_dbc(FOLDER / f"{name}.dbc")
     assert [told(m) for m in found.messages] == [told(m) for m in expected.messages]
     assert (found.unsound, found.warnings) == ({}, ())

@@ -9,6 +9,7 @@ from sim_ecu.cli.main import main as sim_ecu
 from wrcd.cli.main import main
 
 OWN = Path(__file__).parents[3] / "examples/own-dbc"
+RIDE = 'duration_s = 4\nrail = [{ curve = "C" }]\ndrive = { utilisation = 0.3 }\n'
 SPEED = 0x18FE6E0B  # the group of the speed in the DBC: priority 6, source address 11
 
 
@@ -24,7 +25,17 @@ def train(folder: Path, keys: str) -> Path:
 def replayed(config: Path, can_id: int) -> bytes:
     """The rows that come of a ride whose speed is sent under another id of the same group."""
     log, out = config.parent / "ride.log", config.parent / "out.csv"
-    played = ["play", "wet", "--config", str(config), "--no-truth", "--fast", "--log", str(log)]
+    (config.parent / "ride.toml").write_text(RIDE)
+    played = [
+        "play",
+        str(config.parent / "ride.toml"),
+        "--config",
+        str(config),
+        "--no-truth",
+        "--fast",
+        "--log",
+        str(log),
+    ]
     assert sim_ecu(played) == 0
     log.write_text(log.read_text().replace(f" {SPEED:08X}#", f" {can_id:08X}#"))
     assert main(["replay", str(log), "--config", str(config), "--csv", str(out)]) == 0
@@ -42,5 +53,5 @@ def replayed(config: Path, can_id: int) -> bytes:
 def test_group_is_read_whoever_sends_it(keys: str, can_id: int, tmp_path: Path) -> None:
     (tmp_path / "plain").mkdir()
     rows = replayed(train(tmp_path, keys), can_id)
-    assert rows.count(b",Valid,") > 1000
+    assert rows.count(b",Valid,") > 100
     assert rows == replayed(train(tmp_path / "plain", ""), SPEED)

@@ -3,7 +3,7 @@
 import re
 from dataclasses import dataclass, field
 
-from wrcd.bus.dbc import DEFAULT_TIMEOUT_MS
+from wrcd.bus.dbc import DEFAULT_TIMEOUT_MS, KNOWN_PROFILE, TIMEOUT
 from wrcd.bus.statuses import STATUS
 from wrcd.bus.units import Quantity
 from wrcd.bus.words import STATUS_NAMES, unusable, usable
@@ -79,7 +79,7 @@ def propose_input(
     _protection(table, dbc, best)
     if best.quantity in ENDS_THE_ESTIMATE:
         cycle = dbc.number(best.message, "GenMsgCycleTime") or 0
-        stated = dbc.number(best.signal, "GenSigTimeoutTime") or 3 * cycle
+        stated = dbc.number(best.signal, TIMEOUT) or 3 * cycle
         draft.timeouts_ms[best.name] = stated or DEFAULT_TIMEOUT_MS
     if best.signal.low is None and best.quantity is not Quantity.DIRECTION:
         table.doubts.append(f"{best.name} has no range; state it by range = [min, max], in the signal's unit")
@@ -227,7 +227,7 @@ def _time(table: _Keys, dbc: DbcText, c: SignalCandidate, design: Design) -> Non
             )
         elif not cycle:
             table.doubts.append(f"{c.message.name} has no cycle in the DBC; every {tick_ms:g} ms is needed")
-    elif not cycle and not dbc.number(c.signal, "GenSigTimeoutTime"):
+    elif not cycle and not dbc.number(c.signal, TIMEOUT):
         table.doubts.append(
             f"{c.message.name} has neither cycle nor time-out: {DEFAULT_TIMEOUT_MS} ms are taken; timeout_ms states it"
         )
@@ -235,7 +235,7 @@ def _time(table: _Keys, dbc: DbcText, c: SignalCandidate, design: Design) -> Non
 
 def _protection(table: _Keys, dbc: DbcText, c: SignalCandidate) -> None:
     profile = dbc.e2e_profile(c.message)
-    if profile and profile != "P11":
+    if profile and profile != KNOWN_PROFILE:
         table.blocked.append(
             f'{c.message.name} has E2E profile {profile!r}; only P11 is known, e2e = "none" reads unchecked'
         )

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Collection, Iterator
 
+from wrcd.bus.dbc import TIMEOUT
 from wrcd.bus.units import Quantity, factor
 from wrcd.bus.words import unusable, usable
 from wrcd.config.input_mapping import MEASURED
@@ -72,8 +73,8 @@ def _cycles(dbc: DbcText, inputs: Collection[SignalCandidate], tick_s: float) ->
     for c in inputs:
         cycle = dbc.number(c.message, "GenMsgCycleTime") or 0.0
         # of gyro and accelerometer the time-out is three ticks, whatever the DBC says
-        if cycle and c.quantity not in MEASURED and not dbc.number(c.signal, "GenSigTimeoutTime"):
-            what = f"no GenSigTimeoutTime: {3 * cycle:g} ms are taken"
+        if cycle and c.quantity not in MEASURED and not dbc.number(c.signal, TIMEOUT):
+            what = f"no {TIMEOUT}: {3 * cycle:g} ms are taken"
             yield Flaw(c.signal.line, "no-timeout", c.name, what)
         if c.quantity in MEASURED and cycle > 1000 * tick_s and c.message.line not in slow:
             slow.add(c.message.line)

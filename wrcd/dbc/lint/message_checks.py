@@ -6,8 +6,9 @@ inputs: what looks like one.
 from collections.abc import Collection, Iterator
 from itertools import combinations
 
-from wrcd.bus.dbc import LONGEST_MS, PROFILE
+from wrcd.bus.dbc import DATA_ID, KNOWN_PROFILE, LONGEST_MS, PROFILE, TIMEOUT
 from wrcd.bus.words import unusable
+from wrcd.config.input_mapping import FLOAT_BITS
 from wrcd.dbc.dbc_lines import NO_MESSAGE, NO_NODE, DbcText, Message, Signal
 from wrcd.dbc.lint.codes import Flaw
 from wrcd.dbc.recognition import (
@@ -27,10 +28,7 @@ FD_LENGTHS = (*range(9), 12, 16, 20, 24, 32, 48, 64)
 MAX_BITS = 8 * 64  # of any frame: no signal's places are listed beyond
 MAX_STANDARD, MAX_EXTENDED = 0x7FF, 0x1FFF_FFFF
 RIG_TRUTH = range(0x7A1, 0x7A9)  # standard ids of the rig's SimTruth
-FLOAT_BITS = (32, 64)
 SEND_TYPE = "GenMsgSendType"
-DATA_ID = "E2EDataId"
-KNOWN = "P11"
 CRC_BITS = frozenset(range(8))
 COUNTER_BITS = frozenset(range(8, 12))
 
@@ -265,8 +263,8 @@ def _no_time(ms: float | None) -> bool:
 
 
 def _timeout(dbc: DbcText, s: Signal, cycle: float) -> Iterator[Flaw]:
-    timeout = dbc.number(s, "GenSigTimeoutTime")
-    line = dbc.attribute_line(s, "GenSigTimeoutTime")
+    timeout = dbc.number(s, TIMEOUT)
+    line = dbc.attribute_line(s, TIMEOUT)
     if _no_time(timeout):
         yield Flaw(line, "cycle-no-time", s.path, f"a time-out of {timeout:g} ms")
     elif timeout and timeout < cycle:
@@ -279,7 +277,7 @@ def check_protection(dbc: DbcText, inputs: Collection[SignalCandidate]) -> Itera
     protected = [m for m in dbc.on_the_bus if dbc.e2e_profile(m)]
     for m in protected:
         profile = dbc.attribute(m, PROFILE)
-        if profile != KNOWN:
+        if profile != KNOWN_PROFILE:
             yield Flaw(dbc.attribute_line(m, PROFILE), "e2e-unknown-profile", m.name, f"{profile!r}")
             continue
         if m.length < 2:
