@@ -174,6 +174,7 @@ $(READY): requirements.lock tests/install.py pyproject.toml setup.py $(wildcard 
 	    { echo "make: $(PYTHON) must be Python 3.11 or newer; say which with make PYTHON=..." >&2; exit 2; }
 	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null || \
 	    { echo "make: $(PYTHON) has no venv module; install Debian's package python3-venv" >&2; exit 2; }
+	@command -v $${CC:-cc} >/dev/null || { echo "make: no C compiler; install Debian's packages gcc and libc6-dev" >&2; exit 2; }
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python tests/install.py requirements.lock
 	$(BIN)/python -m pip install -q --disable-pip-version-check --no-deps --no-build-isolation -e .
@@ -184,11 +185,9 @@ $(TESTS): $(READY) requirements-tests.lock
 	$(BIN)/python tests/install.py requirements-tests.lock
 	@touch $@
 
-# the programs that tests use and this machine lacks; where a C compiler is among them, the library in C, too
+# the programs that tests use and this machine lacks
 $(TOOLS): $(TESTS) tests/tools tests/data/programs.txt
 	-tests/tools fetch
-	@$(BIN)/python -c 'import sys; from wrcd import native; sys.exit(native.library() is None)' || \
-	    $(BIN)/python -m pip install -q --disable-pip-version-check --no-deps --no-build-isolation -e .
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

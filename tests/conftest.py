@@ -1,12 +1,11 @@
-"""Logs of scenarios, made once per test run; the estimators; and where tests may not be skipped."""
+"""Logs of scenarios, made once per test run, and where tests may not be skipped."""
 
-import ctypes
 import gc
 import hashlib
 import os
 import pickle
 import signal
-from collections.abc import Generator, Iterator
+from collections.abc import Generator
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -17,13 +16,9 @@ from hypothesis import HealthCheck, settings
 from sim_ecu.play.play import play_to_log
 from sim_ecu.play.scenario import read_scenario
 from tests.support.scenarios import LogOf
-from tests.support.tools import missing_library
-from wrcd import native
 from wrcd.bus import dbc
 from wrcd.config.settings import parse_toml
-from wrcd.estimator import design
-from wrcd.estimator.estimator import Estimator
-from wrcd.estimator.native_estimator import CompiledEstimator
+from wrcd.core import design
 
 # Property tests. What `make test` runs is the same examples every time: a failure comes from the change at hand, on
 # every machine, and nothing needs to be kept; 300 of them found no more than 50. `make fuzz` draws others each time
@@ -142,27 +137,3 @@ def log_of(tmp_path_factory: pytest.TempPathFactory) -> LogOf:
         return made
 
     return make
-
-
-@pytest.fixture
-def library() -> ctypes.CDLL:
-    """The compiled library; without one the test is skipped."""
-    c = native.library()
-    if c is None:
-        pytest.skip(missing_library())
-    return c
-
-
-@pytest.fixture(params=[Estimator.engine, CompiledEstimator.engine])
-def engine(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    """Each estimator in turn, as a core makes it."""
-    if request.param == Estimator.engine:
-        monkeypatch.setenv("WRCD_ENGINE", "reference")
-    else:
-        monkeypatch.delenv("WRCD_ENGINE", raising=False)
-    native._found.cache_clear()
-    if request.param == CompiledEstimator.engine and native.library() is None:
-        pytest.skip(missing_library())
-    yield request.param
-    monkeypatch.undo()
-    native._found.cache_clear()

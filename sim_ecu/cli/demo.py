@@ -1,7 +1,6 @@
 """`sim-ecu demo`."""
 
 import argparse
-import sys
 from pathlib import Path
 
 from wrcd.cli.program import Subcommand
@@ -30,11 +29,8 @@ def _add(p: argparse.ArgumentParser) -> None:
 
 def _run(args: argparse.Namespace) -> int:
     from sim_ecu.play.demo import default_bus, run
-    from wrcd import native
     from wrcd.logs.bus_of import pick_bus
 
-    if (slow := native.slow()) is not None:
-        print(f"sim-ecu: {slow}", file=sys.stderr)
     bus = pick_bus(args.interface, args.channel, None, default_bus())
     return run(*bus, args.scenario, args.output, args.config)
 

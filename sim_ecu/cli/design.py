@@ -93,7 +93,7 @@ def _make(args: argparse.Namespace) -> int:
     from sim_ecu.play.vehicles import vehicle_path
     from sim_ecu.reporting.result_files import check_output, save
     from wrcd.config.settings import read_whole
-    from wrcd.estimator.design import parse_design
+    from wrcd.core.design import parse_design
     from wrcd.progress import Progress
 
     brief = read_whole(vehicle_path(args.config), lambda top, _: read_brief(top, args.form))

@@ -1,1 +1,1 @@
-"""Makes the design file, and the reference engine that checks the one on the train."""
+"""Makes the design file."""

@@ -19,10 +19,9 @@ from sim_ecu.play.vehicles import read_vehicle
 from wrcd.config.describe import made_for
 from wrcd.config.keys import Choice, Number, Whole
 from wrcd.config.settings import Section
+from wrcd.core.design import FORMS, Design, load_design
+from wrcd.core.terms import SPAN_TICKS, PairState, Regime
 from wrcd.errors import InputError
-from wrcd.estimator.design import FORMS, Design, load_design
-from wrcd.estimator.trust.health import SPAN_TICKS, PairState
-from wrcd.estimator.trust.interval import Regime
 from wrcd.logs.rule_sentences import GLOSSARY, bounds, sentence
 from wrcd.resources import LONE
 

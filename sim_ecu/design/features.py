@@ -12,11 +12,10 @@ from sim_ecu.design.recordings import Recording
 from sim_ecu.design.side_by_side import SideBySide
 from sim_ecu.jobs.pool import Workers
 from sim_ecu.jobs.whole import each
-from wrcd.estimator.design import MODELS, Design
-from wrcd.estimator.estimator import step_through
-from wrcd.estimator.paper.rule_inputs import SWING
-from wrcd.estimator.paper.window import BLOCK_TICKS
-from wrcd.estimator.records import Ticks
+from wrcd.core.design import Design
+from wrcd.core.estimator import step_through
+from wrcd.core.records import Ticks
+from wrcd.core.terms import BLOCK_TICKS, MODELS, SWING
 
 FloatArray = NDArray[np.float64]
 EDGE = 0.3  # importance of a window outside the plan's core

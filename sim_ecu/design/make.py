@@ -24,8 +24,8 @@ from sim_ecu.physics.contact import CURVES
 from sim_ecu.physics.sensors import SENSOR_SETS
 from sim_ecu.physics.wheelset import Wheelset
 from wrcd.checksum import checksum
-from wrcd.estimator.design import COLUMNS, FORMAT, INPUTS, MODELS, Design, parse_design
-from wrcd.estimator.paper.rule_inputs import NOISE
+from wrcd.core.design import FORMAT, Design, parse_design
+from wrcd.core.terms import COLUMNS, INPUTS, MODELS, NOISE
 
 FloatArray = NDArray[np.float64]
 RESIDUAL_NAMES = ("Low", "Moderate", "High")

@@ -15,11 +15,10 @@ from sim_ecu.design.rules import quantiles
 from sim_ecu.design.side_by_side import SideBySide
 from sim_ecu.design.train_worlds import TRANSITION_S, curve_and_cant
 from sim_ecu.physics.wheelset import Wheelset
-from wrcd.estimator.design import CERTAIN, Design, HealthModel
-from wrcd.estimator.estimator import step_through
-from wrcd.estimator.records import EstimateDoubt, Ticks
-from wrcd.estimator.trust.health import FEATURES, MOST, OWN, SOUND_ALONE, SPAN_TICKS, PairState, evidence
-from wrcd.estimator.trust.interval import Regime
+from wrcd.core.design import Design, HealthModel
+from wrcd.core.estimator import evidence, step_through
+from wrcd.core.records import Ticks
+from wrcd.core.terms import CERTAIN, MAX_FEATURE, PAIR_FEATURES, PAIR_OWN, SPAN_TICKS, EstimateDoubt, PairState, Regime
 
 FloatArray = NDArray[np.float64]
 G = 9.80665
@@ -58,9 +57,9 @@ TEMPERS = np.geomspace(0.03, 1.0, 32)  # the shares of a span's evidence that ar
 KEPT, PRIOR, HAZARD = 0.9, 1e-4, 1e-6
 # Looks at pairs, and takes all of them for sound.
 TRUSTING = HealthModel(
-    middle=np.zeros(FEATURES), scale=np.ones(FEATURES), hidden=np.zeros((FEATURES, 1)), hidden_bias=np.zeros(1),
-    out=np.zeros((1, len(PairState))), out_bias=np.zeros(len(PairState)), temper=np.zeros(len(PairState)),
-    log_prior=SOUND_ALONE, kept=1.0, hazard=0.0,
+    middle=np.zeros(PAIR_FEATURES), scale=np.ones(PAIR_FEATURES), hidden=np.zeros((PAIR_FEATURES, 1)),
+    hidden_bias=np.zeros(1), out=np.zeros((1, len(PairState))), out_bias=np.zeros(len(PairState)),
+    temper=np.zeros(len(PairState)), log_prior=np.r_[0.0, np.full(len(PairState) - 1, -CERTAIN)], kept=1.0, hazard=0.0,
 )  # fmt: skip
 
 
@@ -80,9 +79,9 @@ def plan_of(plan: Plan) -> Plan:
 
 @dataclass(frozen=True, slots=True)
 class Watched:
-    """What a group's pairs show: features (spans, lanes, FEATURES), what each pair is in (spans, lanes), -1 where that
-    does not count, its partner (lanes,), a place in PARTNERS, and whether its wheelset is held about the peak (lanes,).
-    Of sound pairs' estimates at the spans' ends: the error over the half-width, the Regime and the speed (m,)."""
+    """What a group's pairs show: features (spans, lanes, PAIR_FEATURES), what each pair is in (spans, lanes), -1 where
+    that does not count, its partner (lanes,), a place in PARTNERS, and whether its wheelset is held about the peak
+    (lanes,). Of sound pairs' estimates at the spans' ends: error over half-width, the Regime and the speed (m,)."""
 
     features: NDArray[np.float16]
     state: NDArray[np.int8]
@@ -201,7 +200,7 @@ def _watched(d: Design, lanes: Sequence[Lane], speed_m_s: FloatArray, mu_pct: ND
     seen, found = zip(*((estimator.features()[::2], estimator.estimate()) for _ in stops), strict=True)
     features = np.array(seen)
     # a pair's own features of its newest span stay where it has too little data in another one
-    known = np.diff(features[..., :OWN], axis=0, prepend=np.nan).any(axis=-1)
+    known = np.diff(features[..., :PAIR_OWN], axis=0, prepend=np.nan).any(axis=-1)
     state = np.where(known, np.stack([lane.state for lane in lanes], axis=1)[ends], -1)
     state[:FIRST_SPAN] = -1
     sound = [2 * k for k, lane in enumerate(lanes) if not lane.state.any()][::SOUND_EACH]
@@ -292,9 +291,9 @@ def network(parts: Sequence[Watched]) -> tuple[HealthModel, int, float]:
 
     rng = np.random.default_rng(0)
     x, y = (np.concatenate(of) for of in zip(*(_chosen(p, rng) for p in parts), strict=True))
-    assert x.shape[1] == FEATURES
+    assert x.shape[1] == PAIR_FEATURES
     middle, scale = x.mean(axis=0), x.std(axis=0) + 1e-6
-    z = np.clip((x - middle) / scale, -MOST, MOST)
+    z = np.clip((x - middle) / scale, -MAX_FEATURE, MAX_FEATURE)
     net = MLPClassifier(
         (HIDDEN,), activation="tanh", batch_size=min(BATCH, len(y)), learning_rate_init=3e-3, max_iter=EPOCHS,
         alpha=ALPHA, random_state=0, tol=0.0,

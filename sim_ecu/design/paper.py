@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from sim_ecu.design.linear import Point
 from sim_ecu.design.rules import COVERS, PAPER_POLYNOMIAL, RuleBase, choose, quantiles, weights
 from sim_ecu.physics.contact import CURVES
-from wrcd.estimator.paper.fuzzy import LOG_SPREADS
+from wrcd.core.terms import LOG_SPREADS
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

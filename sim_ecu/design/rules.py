@@ -16,7 +16,7 @@ from scipy.linalg.blas import ssyrk
 
 from sim_ecu.design.cases import Progress, quietly
 from sim_ecu.physics.compiled import compiled
-from wrcd.estimator.paper.fuzzy import LOG_SPREADS
+from wrcd.core.terms import LOG_SPREADS
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -19,9 +19,8 @@ from sim_ecu.design.space import brief_at, parameters, vector
 from sim_ecu.jobs.pool import Workers
 from sim_ecu.jobs.whole import each
 from sim_ecu.physics.contact import CURVES
+from wrcd.core.terms import BLOCK_TICKS, MODELS
 from wrcd.errors import InputError
-from wrcd.estimator.design import MODELS
-from wrcd.estimator.paper.window import BLOCK_TICKS
 
 Scores = Callable[[Sequence[FloatArray]], Sequence[float]]
 

@@ -4,21 +4,18 @@ from dataclasses import fields
 
 import numpy as np
 
-from wrcd.core.configuration import MAX_AXLES
-from wrcd.estimator.design import Design, FloatArray, IntArray
-from wrcd.estimator.engine import make_estimator
-from wrcd.estimator.records import Estimate, Ticks
-from wrcd.native import library
+from wrcd.core.design import Design, FloatArray, IntArray
+from wrcd.core.estimator import Estimator
+from wrcd.core.records import Estimate, Ticks
+from wrcd.core.terms import MAX_AXLES
 
 
 class SideBySide:
-    """Any number of axles at one speed, in trains of up to MAX_AXLES: bogies stay together. The reference, which is the
-    faster the more there are, takes all."""
+    """Any number of axles at one speed, in trains of up to MAX_AXLES: bogies stay together."""
 
     def __init__(self, design: Design, axles: int) -> None:
-        most = axles if library() is None else MAX_AXLES
-        self._places = [slice(k, min(k + most, axles)) for k in range(0, axles, most)]
-        self._trains = [make_estimator(design, at.stop - at.start) for at in self._places]
+        self._places = [slice(k, min(k + MAX_AXLES, axles)) for k in range(0, axles, MAX_AXLES)]
+        self._trains = [Estimator(design, at.stop - at.start) for at in self._places]
 
     def run(self, ticks: Ticks, first: int, end: int, resets: bool) -> None:
         """Step ticks first … end - 1 of them; resets: whether axles are reset that need it."""
@@ -46,5 +43,5 @@ class SideBySide:
         return np.concatenate([train.steps() for train in self._trains])
 
     def features(self) -> FloatArray:
-        """(n, FEATURES) that pairs of sensors are judged by, after a look."""
+        """(n, PAIR_FEATURES) that pairs of sensors are judged by, after a look."""
         return np.concatenate([train.features() for train in self._trains])

@@ -13,8 +13,8 @@ from sim_ecu.design.brief import moved
 from sim_ecu.design.cases import FloatArray
 from sim_ecu.design.linear import Point
 from sim_ecu.design.make import Brief
+from wrcd.core.terms import MODELS
 from wrcd.errors import InputError
-from wrcd.estimator.design import MODELS
 
 # Groups in the order of the vector. What windows and the number of rules are worth (a longer window: less error, a
 # later answer) recorded conditions do not show: a search leaves them.

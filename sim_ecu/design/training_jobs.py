@@ -18,8 +18,8 @@ from sim_ecu.jobs.pool import Workers
 from sim_ecu.jobs.whole import each
 from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.reporting.result_files import BESIDE, save
+from wrcd.core.design import Design
 from wrcd.errors import InputError
-from wrcd.estimator.design import Design
 
 PART = ".part"  # the suffix of a kept recording: the SHA-256 of what follows, which is numpy's npz
 DIGEST_BYTES = hashlib.sha256().digest_size

@@ -27,7 +27,7 @@ from sim_ecu.play.faults import Fault, read_fault
 from sim_ecu.play.vehicles import DEFAULT_VEHICLE, load_vehicle, read_vehicle
 from wrcd.config.keys import Choice, Number, names
 from wrcd.config.settings import Section, read_whole, suggest
-from wrcd.core.configuration import MAX_AXLES
+from wrcd.core.terms import MAX_AXLES
 from wrcd.errors import InputError
 
 FloatArray = NDArray[np.float64]

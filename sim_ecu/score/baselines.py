@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_ecu.design.features import estimator_alone
+from wrcd.core.design import Design
+from wrcd.core.records import Ticks
 from wrcd.errors import InputError
-from wrcd.estimator.design import Design
-from wrcd.estimator.records import Ticks
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

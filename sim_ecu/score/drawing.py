@@ -24,7 +24,7 @@ from sim_ecu.score.figure_data import (
     nearest,
     own_range,
 )
-from wrcd.estimator.design import MODELS
+from wrcd.core.terms import MODELS
 
 WIDTH, MARGIN = 10.0, 0.8  # inches; the margin is for what is not in a field
 MODEL_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#D55E00")

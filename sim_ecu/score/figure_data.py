@@ -13,9 +13,10 @@ from sim_ecu.design.linear import Point
 from sim_ecu.design.side_by_side import SideBySide
 from sim_ecu.physics.contact import CURVES, CreepCurve, curve_between
 from sim_ecu.physics.wheelset import LAT_ACCEL, MU_AVAILABLE, MU_USED, SLIP, TORQUE, YAW_RATE, Wheelset
-from wrcd.estimator.design import MODELS, Sets
-from wrcd.estimator.estimator import step_through
-from wrcd.estimator.records import Ticks
+from wrcd.core.design import Sets
+from wrcd.core.estimator import step_through
+from wrcd.core.records import Ticks
+from wrcd.core.terms import MODELS
 
 FloatArray = NDArray[np.float64]
 

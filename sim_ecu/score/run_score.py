@@ -23,8 +23,8 @@ from wrcd import resources
 from wrcd.config.config import load_config
 from wrcd.config.packaged_designs import design_path
 from wrcd.core.configuration import Config
+from wrcd.core.design import Design, load_design
 from wrcd.errors import InputError
-from wrcd.estimator.design import Design, load_design
 
 QUICK = 0.08  # share of the runs in a quick score, at least one of each variant
 # suites in which baselines run beside

@@ -18,12 +18,13 @@ from sim_ecu.score.baselines import Baseline, GivenTicks
 from sim_ecu.score.suites.run import Run
 from wrcd.bus.batch import FrameBatch
 from wrcd.bus.frame import Frame
-from wrcd.core.configuration import MAX_AXLES, Config
+from wrcd.core.configuration import Config
 from wrcd.core.core import Core, Observer
+from wrcd.core.design import Design
 from wrcd.core.messages import Outgoing
+from wrcd.core.records import StepResult, Tick
+from wrcd.core.terms import MAX_AXLES
 from wrcd.core.vocabulary import CONFIDENCES, MESSAGES, Words
-from wrcd.estimator.design import Design
-from wrcd.estimator.records import StepResult, Tick
 from wrcd.logs.decoder import UNKNOWN, MessageDecoder, Values, decoders
 
 FloatArray = NDArray[np.float64]

@@ -31,7 +31,7 @@ START_US = 1_700_000_000_000_000
 PACKAGED_DBC = ROOT / "dbc/wrcd.dbc"
 SIGNED_SPEED = ("SG_ Speed : 16|16@1+ (0.0025,0) [0|163.8375]", "SG_ Speed : 16|16@1- (0.0025,0) [-81|81]")
 WAY_ID, REVERSE = 0x214, 1 << 6  # of tests/data/dbc/odd.dbc
-ENGINE = 0x3F  # what is kept of WrcdStatus' second byte: which engine runs is no estimate
+USED = 0x3F  # of WrcdStatus' second byte: the digests are of a time when the upper bits said more
 
 
 def digests_of(recipe: Recipe) -> dict[str, str]:
@@ -55,7 +55,7 @@ def digests(recipe: Recipe, folder: Path) -> dict[str, str]:
         assert parsed is not None
         f, data = parsed[0], parsed[0].data
         if f.can_id == WRCD_STATUS and not f.extended:
-            data = bytes([0, data[1] & ENGINE, *data[2:]])
+            data = bytes([0, data[1] & USED, *data[2:]])
         made[f"{f.can_id:08X}" if f.extended else f"{f.can_id:03X}"].append(f"{f.stamp_us} {data.hex()}")
     read = {name: names[name].read_text() if names[name].exists() else "" for name in ("events", "rows")}
     return {

@@ -19,11 +19,11 @@ from wrcd.bus.frame import EXTENDED, Frame
 from wrcd.config.config import load_config
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
+from wrcd.core.design import load_design
 from wrcd.dbc.dbc_lines import read
 from wrcd.dbc.init.propose import propose
 from wrcd.dbc.lint.lint_file import as_records, findings, lines
 from wrcd.errors import InputError
-from wrcd.estimator.design import load_design
 
 DATA = Path(__file__).parents[1] / "data" / "dbc"
 TRAIN_DBC = (DATA / "fuzzed.dbc").read_text()

@@ -19,8 +19,8 @@ from wrcd import resources
 from wrcd.checksum import checksum
 from wrcd.config.config import load_config
 from wrcd.core.causes import Validity
+from wrcd.core.design import load_design, parse_design
 from wrcd.errors import InputError
-from wrcd.estimator.design import load_design, parse_design
 
 CONFIG = load_config(None)
 # Elements that a window may have here: the arithmetic of a longer one is the same and takes seconds.

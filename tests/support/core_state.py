@@ -5,12 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from wrcd.estimator.native_estimator import CompiledEstimator
+from wrcd.core.estimator import Estimator
 
-PACKAGES = ("wrcd.estimator.", "wrcd.bus.", "wrcd.core.")
+PACKAGES = ("wrcd.bus.", "wrcd.core.")
 # What nothing later hangs on, by class: caches, results made anew, what borrows from the rest.
 PASSING = {
-    "Bank": {"_fused", "_between"},
     "Core": {"explains", "_lane", "_reports", "_tick", "_begin_us", "_end_us"},
     "Events": {"total", "_kept"},
     "Inputs": {"_shares_known", "_shares_ok"},
@@ -20,9 +19,9 @@ PASSING = {
 
 
 def state(thing: Any) -> Any:
-    """As plain values. The compiled estimator's is that of the reference; what is frozen or not ours is left out."""
-    if isinstance(thing, CompiledEstimator):
-        thing = thing.reference()
+    """As plain values. The estimator's is C's own; what is frozen or not ours is left out."""
+    if isinstance(thing, Estimator):
+        return thing.state
     if isinstance(thing, np.ndarray):
         return thing.dtype.str, thing.shape, thing.tobytes()
     if isinstance(thing, dict):

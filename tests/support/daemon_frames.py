@@ -29,7 +29,7 @@ REACHED: dict[str, Value] = {
     **{f"Refused{name}": "None" for name in ("YawRate", "LatAccel", "Torque", "Speed")},
 }  # fmt: skip
 RUNNING: dict[str, Value] = {
-    "State": "Running", "Engine": "Compiled", "Overruns": 0.0, "RejectedFrames": 0.0, "LastReason": "None",
+    "State": "Running", "Overruns": 0.0, "RejectedFrames": 0.0, "LastReason": "None",
     "ReceiveDrops": 0.0, "Reopens": 0.0,
 }  # fmt: skip
 

@@ -5,9 +5,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from tests.support.signals import measured
-from wrcd.estimator.design import FloatArray
-from wrcd.estimator.estimator import Estimator
-from wrcd.estimator.records import Estimate, Tick
+from wrcd.core.design import FloatArray
+from wrcd.core.estimator import Estimator
+from wrcd.core.records import Estimate, Tick
 
 RATIO = 0.136  # of the torque that `measured` has by default
 EVERY = 4  # ticks between two estimates, as on the bus

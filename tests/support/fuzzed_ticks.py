@@ -1,6 +1,6 @@
-"""Ticks of a train to which everything happens, for comparing estimators and for the C sources under sanitizers.
+"""Ticks of a train to which everything happens, to compare the estimator with its oracle, and for sanitizers.
 
-python -m tests.support.fuzzed_ticks LIBRARY TICKS      the compiled estimator of a library, through all it can do
+python -m tests.support.fuzzed_ticks LIBRARY TICKS      the estimator of a library, through all it can do
 """
 
 import sys
@@ -12,9 +12,10 @@ import numpy as np
 
 from sim_ecu import resources as rig
 from wrcd import native, resources
-from wrcd.estimator.design import Design, FloatArray, load_design
-from wrcd.estimator.native_estimator import CompiledEstimator
-from wrcd.estimator.records import Tick
+from wrcd.core import estimator
+from wrcd.core.design import Design, FloatArray, load_design
+from wrcd.core.estimator import Estimator
+from wrcd.core.records import Tick
 
 MAX_AXLES = 8
 MAX_SIGNAL = np.array([[8.388606], [83.88606]])  # yaw rate, lateral acceleration
@@ -106,34 +107,37 @@ class Train:
         return Step(Tick(number, np.where(present, z, np.nan), present, ratio, self._speed), resets)
 
 
-def answers(e: CompiledEstimator) -> Iterator[FloatArray]:
-    """All that the compiled estimator is asked beside its estimate."""
+def answers(e: Estimator) -> Iterator[FloatArray]:
+    """All that the estimator is asked beside its estimate."""
     now = e.torque_now()
     yield now
     yield e.inputs_of(np.repeat(np.array([3, 17, 60]), e.axles), now)
     yield e.steps()
+    yield e.features()
     yield np.asarray(e.health.state, dtype=np.float64)
-    yield e.health.log_odds
+    yield np.array([e.health.figures(axle) for axle in range(e.axles)])
 
 
 def main(library: str, ticks: str) -> int:
     """Drive every design with every number of axles; what is wrong ends the process."""
-    c, made = native.load(Path(library))
-    if c is None:
-        raise SystemExit(made)
+    c = native.load(Path(library))
+    vars(estimator)["library"] = lambda: c
     done = 0
     for design in designs().values():
         for axles in range(1, MAX_AXLES + 1):
-            e = CompiledEstimator(c, design, axles)
+            e = Estimator(design, axles)
             for step in Train(axles, axles, wild=True).steps(int(ticks)):
-                needs_reset = np.flatnonzero(e.step(step.tick).needs_reset).tolist()
+                result = e.step(step.tick)
+                needs_reset = np.flatnonzero(result.needs_reset).tolist()
+                for axle in needs_reset:
+                    e.why_reset(result, step.tick.z[0], axle)
                 for axle in {*step.resets, *needs_reset}:
                     e.reset(axle)
                 if done % 50 == 0:
                     e.estimate()
                     list(answers(e))
                 done += 1
-    print(f"{done} ticks, {made}")
+    print(f"{done} ticks, {c.wrcd_compiler().decode()}")
     return 0
 
 

@@ -10,8 +10,8 @@ from sim_ecu.physics.contact import CURVES, peak
 from sim_ecu.physics.sensors import SENSOR_SETS
 from sim_ecu.physics.track import SPECTRA
 from sim_ecu.physics.wheelset import LAT_ACCEL, TORQUE, YAW_RATE, Wheelset
-from wrcd.estimator.design import FloatArray
-from wrcd.estimator.records import Ticks
+from wrcd.core.design import FloatArray
+from wrcd.core.records import Ticks
 
 SETTLE_S = 2.0  # the torque comes up, and the wheelset finds its track
 

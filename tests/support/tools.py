@@ -6,8 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from wrcd import native
-
 # a program or a library, and the packages of Debian's that bring it
 _LIST = Path(__file__).parents[1] / "data/programs.txt"
 PROGRAMS = {program: packages for program, *packages in map(str.split, _LIST.read_text().splitlines())}
@@ -28,11 +26,6 @@ def missing(*programs: str) -> str:
     lacks = [name for name in programs if not _there(name)]
     packages = [package for name in lacks for package in PROGRAMS[name]]
     return f"{' and '.join(lacks)} missing; apt-get install {' '.join(packages)}" if lacks else ""
-
-
-def missing_library() -> str:
-    """What brings the compiled library, or why there is none; "" where there is one."""
-    return "" if native.slow() is None else missing("gcc") or str(native.slow())
 
 
 def needs(*programs: str) -> pytest.MarkDecorator:

@@ -15,8 +15,8 @@ from wrcd.config.config import load_config, load_config_to_run, load_packaged, p
 from wrcd.config.describe import describe
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
+from wrcd.core.design import load_design
 from wrcd.errors import InputError
-from wrcd.estimator.design import load_design
 
 ROOT = Path(__file__).parents[2]
 

@@ -11,13 +11,13 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.tools import missing, missing_library
+from tests.support.tools import missing
 from wrcd import __version__, native
 from wrcd.cli.main import WRCD
 from wrcd.config.config import DEFAULT
 
 ROOT = Path(__file__).parents[2]
-LACKS = missing("dpkg-deb", "/usr/bin/python3") or missing_library()
+LACKS = missing("dpkg-deb", "/usr/bin/python3")
 NEEDS_DPKG = pytest.mark.skipif(bool(LACKS), reason=LACKS)
 
 
@@ -74,21 +74,21 @@ def test_package_has_units_and_program_for_everybody_to_read_and_no_rig(package:
 
 
 @NEEDS_DPKG
-def test_package_brings_the_native_estimator(package: Path, tmp_path: Path) -> None:
+def test_package_brings_the_library_in_c(package: Path, tmp_path: Path) -> None:
     subprocess.run(["dpkg-deb", "--extract", package, tmp_path], check=True)
     (library,) = tmp_path.glob("opt/wrcd/lib/python3.*/site-packages/wrcd/_native*.so")
     done = subprocess.run(
-        ["/usr/bin/python3", "-c", "from wrcd import native; print(native.__file__, native.engine())"],
+        ["/usr/bin/python3", "-c", "from wrcd import native; print(native.__file__, native.compiler())"],
         cwd=tmp_path, env={"PYTHONPATH": str(library.parents[1])}, capture_output=True, text=True, check=True,
     )  # fmt: skip
-    assert done.stdout.strip() == f"{library.parent / 'native.py'} {native.engine()}"
+    assert done.stdout.strip() == f"{library.parent / 'native.py'} {native.compiler()}"
     # the newest symbol that it takes of the C library
     needs = max(int(minor) for minor in re.findall(rb"GLIBC_2\.(\d+)", library.read_bytes()))
     assert int(re.findall(r"libc6 \(>= 2\.(\d+)\)", field(package, "Depends"))[0]) >= needs
 
 
 @NEEDS_DPKG
-def test_package_without_the_native_estimator_is_not_built(tmp_path: Path) -> None:
+def test_package_without_the_library_in_c_is_not_built(tmp_path: Path) -> None:
     (tmp_path / "site/wrcd").mkdir(parents=True)
     words: list[str | Path] = [
         sys.executable,
@@ -100,7 +100,7 @@ def test_package_without_the_native_estimator_is_not_built(tmp_path: Path) -> No
     ]
     done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 1
-    assert "has no compiled estimator: install gcc" in done.stderr
+    assert "has no library in C: install gcc" in done.stderr
 
 
 # what readline would offer for the last word

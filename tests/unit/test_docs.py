@@ -30,6 +30,7 @@ from sim_ecu.score.score_goals import ACCUSED, SCORE_GOALS
 from sim_ecu.score.suites.worlds import EVERY
 from tests.matrix.expected import LONG_ROWS, ROWS
 from tests.matrix.matrix import which, whole_axle
+from tests.oracle import signals
 from tests.support.bus_load import MAX_LOAD_PCT, bits, bits_per_s, of_axles, table
 from tests.support.lone_wheelset import LONE_DESIGN
 from tests.support.pages import ROOT, blocks, pages
@@ -43,11 +44,9 @@ from wrcd.config import declared
 from wrcd.config.config import STALE_TICKS, load_config
 from wrcd.config.keys import Key
 from wrcd.contract.frames import Says
-from wrcd.core import causes, configuration, core, inputs, plausibility, validity, vocabulary
+from wrcd.core import causes, core, inputs, plausibility, terms, validity, vocabulary
 from wrcd.core.core import Core
 from wrcd.dbc.lint.codes import CODES
-from wrcd.estimator import answer
-from wrcd.estimator.signals import gate
 from wrcd.service import journal
 
 DOCS = ROOT / "docs"
@@ -226,12 +225,12 @@ def test_readme_names_the_most_axles_of_each_bit_rate() -> None:
     )
     dbc = load_dbc(resources.DBC)
     for rate, axles in zip((250_000, 500_000, 1_000_000), named, strict=True):
-        load = [100 * bits_per_s(of_axles(dbc, None, a), True) / rate for a in range(1, configuration.MAX_AXLES + 1)]
+        load = [100 * bits_per_s(of_axles(dbc, None, a), True) / rate for a in range(1, terms.MAX_AXLES + 1)]
         assert words[axles] == sum(x <= MAX_LOAD_PCT for x in load)
 
 
 def test_bus_load_is_that_of_the_dbcs() -> None:
-    made = table(load_dbc(resources.DBC), load_dbc(rig_resources.TRUTH_DBC), configuration.MAX_AXLES)
+    made = table(load_dbc(resources.DBC), load_dbc(rig_resources.TRUTH_DBC), terms.MAX_AXLES)
     assert "\n".join(made) in text(MESSAGES)
 
 
@@ -285,13 +284,13 @@ def test_numbers_of_the_validity_table_are_those_of_the_code() -> None:
     assert f"{validity.BRIDGED_TICKS * tick_ms} ms past it" in condition["InputStale"]
     assert "{:g} … {:g}".format(*validity.LOAD_SHARES) in condition["LoadBeyond"]
     assert "{:g} … {:g}".format(*validity.RADIUS_SHARES) in condition["RadiusBeyond"]
-    assert f"{answer.MIN_M:g} m" in condition["TooLittleData"]
-    assert f"{answer.HARSH_SHARE:g} of the window" in condition["Harsh"]
+    assert f"{terms.MIN_M:g} m" in condition["TooLittleData"]
+    assert f"{terms.HARSH_SHARE:g} of the window" in condition["Harsh"]
     noise = f"{100 * inputs.DEAD_SHARE:g} % of what the load carries"
     assert noise in condition["FrictionShareUnknown"]
     assert f"{inputs.TRACTION_HELD_US / 1000:g} ms" in condition["FrictionShareUnknown"]
-    assert gate.MAX_NET_OUTLIERS.tolist() == [[2.0], [8.0]]
-    assert f"first {gate.MIN_TICKS:g} samples" in condition["Restarted"]
+    assert signals.MAX_NET_OUTLIERS.tolist() == [[2.0], [8.0]]
+    assert f"first {signals.GATE_MIN_TICKS:g} samples" in condition["Restarted"]
     assert (validity.FREE_RESETS, validity.FIRST_WAIT_S, validity.LAST_WAIT_S) == (4, 1.0, 8.0)
     assert f"{math.exp(plausibility.DOUBTED):.0e}".replace("e-0", "e-") in condition["Unchanged"]
     assert (core.FORWARD_STEP_US, core.BACKWARD_STEP_US) == (1_000_000, 10_000)
@@ -404,6 +403,9 @@ def test_architecture_points_at_functions_that_are_there() -> None:
     found = rows("docs/explanation/architecture.md", "## Where to find it")
     assert len(found) > 10
     for question, file, names in found:
+        if (source := file.strip("`")).endswith(".c"):
+            assert all(re.search(rf"\b{n}\(", text(source)) for n in re.findall(r"`(\w+)`", names)), question
+            continue
         tree = ast.parse(text(file.strip("`")))
         there = {
             f"{node.name}.{inner.name}"

@@ -1,6 +1,6 @@
 """SocketCAN on the standard library's socket: exact time stamps, kernel filters, counted drops.
 
-Many frames a system call where the compiled library is; one by one without it, of CAN FD, and with hardware stamps.
+Many frames a system call; one by one of CAN FD and with hardware stamps.
 """
 
 import ctypes
@@ -61,6 +61,7 @@ class SocketCanLink(Link):
     waits for those before it: a rig's sensors do not wait for each other."""
 
     stamps_arrivals = True
+    _in_batches = True  # the socket is the kernel's, which the library in C asks
 
     def __init__(self, channel: str, keys: tuple[int, ...] | None, fd: bool = False, confirm: bool = True) -> None:
         self.name = f"socketcan:{channel}"
@@ -159,8 +160,9 @@ class SocketCanLink(Link):
         return came
 
     def _read(self, now_us: int, most: int) -> FrameBatch | list[Frame]:
-        if (c := library()) is None or self._fd or self._hardware is not None:
+        if not self._in_batches or self._fd or self._hardware is not None:
             return self._read_one_by_one(now_us, most)
+        c = library()
         own, said, size, begin = struct.pack(f"={len(self._own)}I", *self._own), _Received(), RECORD.size, 0
         while self._socket is not None:
             fd, room, left = self._socket.fileno(), ctypes.byref(self._records, begin * size), most - begin
@@ -341,10 +343,10 @@ class SocketCanLink(Link):
 
     def _put(self, s: socket.socket, frames: Sequence[Frame]) -> int:
         """Returns how many have been sent, one at least. Raises OSError where not even the first was."""
-        if (c := library()) is None or len(frames) == 1:
+        if not self._in_batches or len(frames) == 1:
             s.send(FRAME.pack(word_of(frames[0]), len(frames[0].data), frames[0].data))
             return 1
-        sent = int(c.wrcd_send(s.fileno(), FrameBatch.of(frames).records, len(frames)))
+        sent = int(library().wrcd_send(s.fileno(), FrameBatch.of(frames).records, len(frames)))
         if sent < 0:
             raise OSError(-sent, os.strerror(-sent))
         return sent

@@ -118,9 +118,13 @@ class Version(argparse.Action):
         super().__init__(option_strings, argparse.SUPPRESS, nargs=0, default=argparse.SUPPRESS, **kwargs)
 
     def __call__(self, parser: ArgumentParser, *_: object, **__: object) -> None:
-        """Print and end with 0."""
-        print("\n".join(version_lines(parser.prog)))
-        parser.exit()
+        """Print and end."""
+
+        def told() -> int:
+            print("\n".join(version_lines(parser.prog)))
+            return Status.DONE
+
+        parser.exit(guarded(parser.prog, told))
 
 
 def version_lines(program: str) -> list[str]:
@@ -136,7 +140,7 @@ def version_lines(program: str) -> list[str]:
         f"{program} {__version__}",
         f"design  {design['name']} {design['checksum'][:12]}, {design['format']}",
         "log     candump -L",
-        f"estimator: {native.engine()}",
+        f"library C11, compiled by {native.compiler()}",
         f"with    Python {platform.python_version()}, {found}, {platform.system()} {platform.release()}",
     ]
 

@@ -1,7 +1,6 @@
 """`wrcd replay`."""
 
 import argparse
-import sys
 from pathlib import Path
 
 from wrcd.cli.arguments import add_axle, add_config, add_design, seconds
@@ -53,7 +52,6 @@ def _add(p: argparse.ArgumentParser) -> None:
 
 
 def _run(args: argparse.Namespace) -> int:
-    from wrcd import native
     from wrcd.config.packaged_designs import design_path
     from wrcd.logs.feed import Selection
     from wrcd.logs.replay import ReplayInputs, replay, replays
@@ -66,8 +64,6 @@ def _run(args: argparse.Namespace) -> int:
         status = replay(args.logs[0], inputs, outputs, explained=args.explain, selection=selection)
     else:
         status = replays(args.logs, inputs, outputs, explained=args.explain, jobs=args.jobs, selection=selection)
-    if (slow := native.slow()) is not None:
-        print(f"wrcd: {slow}", file=sys.stderr)
     return status
 
 

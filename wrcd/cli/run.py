@@ -43,7 +43,6 @@ def _run(args: argparse.Namespace) -> int:
                 raise
     link: Link
     try:
-        from wrcd import native
         from wrcd.bus.opening import open_link
         from wrcd.config.config import load_config_to_run
         from wrcd.core.core import Core
@@ -77,8 +76,6 @@ def _run(args: argparse.Namespace) -> int:
     )
     for warning in config.warnings:
         log_line(f"warning: {warning}")
-    if (slow := native.slow()) is not None:
-        log_line(slow)
     if args.lock_memory and (reason := lock()):
         log_line(f"memory is not locked: {reason}; set LimitMEMLOCK=infinity (realtime.conf)")
     recorder = make_recorder(core, args.channel or config.channel, log_line)

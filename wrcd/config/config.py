@@ -20,8 +20,8 @@ from wrcd.config.section import TO_FILL_IN
 from wrcd.config.settings import Section, parse_toml, read_toml, suggest
 from wrcd.config.statements import NEEDED, Statement
 from wrcd.core.configuration import Config, Input, RecorderConfig
+from wrcd.core.design import Design, load_design
 from wrcd.errors import InputError, InputErrors
-from wrcd.estimator.design import Design, load_design
 
 __all__ = ["DEFAULT", "DEFAULT_AXLES", "STALE_TICKS", "load_config", "load_config_to_run", "load_packaged", "packaged"]
 

@@ -26,8 +26,9 @@ from wrcd.config.statements import (
     statements,
 )
 from wrcd.config.status_rules import status_rules
-from wrcd.core.configuration import MAX_AXLES, AxleConfig, Input
-from wrcd.estimator.design import Design
+from wrcd.core.configuration import AxleConfig, Input
+from wrcd.core.design import Design
+from wrcd.core.terms import MAX_AXLES
 
 AXLE_OUTPUTS = ("adhesion", "detail", "inputs")
 

@@ -19,7 +19,7 @@ from wrcd.config.keys import (
     Text,
     Whole,
 )
-from wrcd.core.configuration import MAX_AXLES
+from wrcd.core.terms import MAX_AXLES
 from wrcd.core.vocabulary import MESSAGES, Numeric, Words, snake
 from wrcd.resources import DEFAULT_DESIGN
 

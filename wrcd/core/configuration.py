@@ -6,9 +6,7 @@ from pathlib import Path
 
 from wrcd.bus.dbc import Database
 from wrcd.bus.signals import Output, Source
-from wrcd.estimator.design import Design
-
-MAX_AXLES = 8  # a Co'Co' locomotive has six
+from wrcd.core.design import Design
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,16 +24,17 @@ from wrcd.bus.reasons import Reason
 from wrcd.core.causes import Cause
 from wrcd.core.configuration import Config
 from wrcd.core.counts import Counts, Health
+from wrcd.core.design import FloatArray
+from wrcd.core.estimator import Estimator
 from wrcd.core.events import Events
 from wrcd.core.input_buffers import NEVER
 from wrcd.core.inputs import YAW, Inputs, TickInputs
 from wrcd.core.lane import DUE, NOTE, FastLane, fits
 from wrcd.core.messages import NAMES, Outbox, Outgoing, Report
+from wrcd.core.records import Estimate, StepResult, Tick
 from wrcd.core.slot import Slot, frames, reports
+from wrcd.core.terms import CHANNELS
 from wrcd.core.validity import Backoff, ValidityMonitor, tick_causes
-from wrcd.estimator.design import CHANNELS, FloatArray
-from wrcd.estimator.engine import Engine, make_estimator
-from wrcd.estimator.records import Estimate, StepResult, Tick
 
 FORWARD_STEP_US = 1_000_000  # a stamp, or the clock, further ahead of the open tick than this is a step of time
 BACKWARD_STEP_US = 10_000  # out of order by less than this is jitter between queues, by more a step of the clock
@@ -64,7 +65,7 @@ class Core:
 
     counts: Counts
     health: Health
-    estimator: Engine
+    estimator: Estimator
     receiver: Receiver
     _open: int | None  # number of the tick that gathers frames
     _inputs: Inputs
@@ -76,11 +77,11 @@ class Core:
     events: Events
     _stamp_us: int = NEVER  # newest stamp taken
 
-    def __init__(self, config: Config, estimator: Engine | None = None, observer: Observer | None = None) -> None:
+    def __init__(self, config: Config, estimator: Estimator | None = None, observer: Observer | None = None) -> None:
         self.config = config
         self.counts = Counts()
         self.health = Health()
-        self.estimator = estimator or make_estimator(config.design, len(config.axles))
+        self.estimator = estimator or Estimator(config.design, len(config.axles))
         self.receiver = Receiver(config.database, [i.source for i in config.inputs], config.data_ids)
         n = len(config.axles)
         self._n = n
@@ -92,7 +93,7 @@ class Core:
         self._tick = self._inputs.close_tick(0)  # the newest that was closed
         self._validity = ValidityMonitor(config.design.window_ticks, n)
         self._is_reset = [True] * n
-        self._outbox = Outbox(config, self.estimator.engine)
+        self._outbox = Outbox(config)
         self._outlier_us = [NEVER] * n
         self._backoff = Backoff(n, config.design.tick_s)
         self._reports: list[Report] = []  # of the newest slot

@@ -8,15 +8,11 @@ from collections.abc import Callable, Sequence
 
 from wrcd.core.causes import Cause
 from wrcd.core.configuration import Config
+from wrcd.core.estimator import PairHealth
 from wrcd.core.inputs import BRAKE, LAT, LOAD, QUANTITIES, RADIUS, SPEED, TORQUE, YAW, Inputs, TickInputs, rows_of
+from wrcd.core.records import Estimate, Outliers
+from wrcd.core.terms import HARSH_SHARE, MAX_JUMP, MIN_FIRING, MIN_M, MODELS, EstimateDoubt, PairState
 from wrcd.core.validity import LOAD_SHARES, RADIUS_SHARES, ValidityMonitor
-from wrcd.estimator.answer import HARSH_SHARE, MIN_M
-from wrcd.estimator.design import MODELS
-from wrcd.estimator.engine import EngineHealth
-from wrcd.estimator.paper.fuzzy import MIN_FIRING
-from wrcd.estimator.records import Estimate, EstimateDoubt
-from wrcd.estimator.signals.gate import MAX_JUMP, Outliers
-from wrcd.estimator.trust.health import PairState
 
 MAX_INPUTS = 2  # that a text names; of more the number
 
@@ -86,7 +82,7 @@ class Details:
         first = f"{self.name(YAW, axle)} or {self.name(LAT, axle)} stood out among its first samples"
         return ("; ".join(far) or first) + (f"; waits {wait_s:g} s" if wait_s else "")
 
-    def pair(self, axle: int, health: EngineHealth) -> str:
+    def pair(self, axle: int, health: PairHealth) -> str:
         """What speaks against gyro and accelerometer."""
         f = health.figures(axle)
         yaw, lat = self.name(YAW, axle), self.name(LAT, axle)

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 from wrcd.core.causes import RESERVED, Cause, Validity
 from wrcd.core.configuration import Config
 from wrcd.core.details import Details
+from wrcd.core.estimator import PairHealth
 from wrcd.core.inputs import Inputs, TickInputs
 from wrcd.core.messages import Report
+from wrcd.core.records import Estimate
 from wrcd.core.validity import OF_ESTIMATE, OF_PAIR, Standing, ValidityMonitor
-from wrcd.estimator.engine import EngineHealth
-from wrcd.estimator.records import Estimate
 
 COLUMNS = ("time_s", "axle", "from", "to", "cause", "detail")
 MAX_KEPT = 4096  # changes, for those who look after every turn
@@ -124,7 +124,7 @@ class Events:
         self._details[axle][Cause.RESTARTED] = _cut(why)
 
     def standing(
-        self, standing: Sequence[Standing], inputs: Inputs, validity: ValidityMonitor, health: EngineHealth, end_us: int
+        self, standing: Sequence[Standing], inputs: Inputs, validity: ValidityMonitor, health: PairHealth, end_us: int
     ) -> Mapping[int, str]:
         """How it is, by axle (its place): of those whose standing differs from that at the slot before."""
         if standing == self._standing:

@@ -19,6 +19,8 @@ from wrcd.bus.writers import SignalWriter
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import Config
 from wrcd.core.counts import Counts
+from wrcd.core.design import FloatArray
+from wrcd.core.estimator import Estimator
 from wrcd.core.events import Events
 from wrcd.core.input_buffers import NEVER
 from wrcd.core.inputs import LAT, QUANTITIES, SPEED, TORQUE, TRACTION_HELD_US, Inputs, TickInputs
@@ -37,13 +39,10 @@ from wrcd.core.lane_records import (
 )
 from wrcd.core.messages import ROOM, Outbox, Outgoing, Report, nan_to_none
 from wrcd.core.plausibility import MIN_RUN, JumpCheck, StuckCheck
+from wrcd.core.records import StepResult
+from wrcd.core.terms import EstimateDoubt, PairState
 from wrcd.core.validity import LOAD_SHARES, OF_ESTIMATE, OF_PAIR, RADIUS_SHARES, Backoff, ValidityMonitor
 from wrcd.core.vocabulary import CONFIDENCES, SURFACES, words_of
-from wrcd.estimator.design import FloatArray
-from wrcd.estimator.engine import Engine
-from wrcd.estimator.native_estimator import CompiledEstimator
-from wrcd.estimator.records import EstimateDoubt, StepResult
-from wrcd.estimator.trust.health import PairState
 
 _, FRAME, TICK, DUE, NOTE = range(5)  # why it stopped: enum wrcd_lane_stop
 FIRST_WAIT, LAST_WAIT = 8, 128  # frames; the lane is tried again with the last: Python takes at least one
@@ -60,7 +59,7 @@ class Lender(Protocol):
 
     config: Config
     counts: Counts
-    estimator: Engine
+    estimator: Estimator
     receiver: Receiver
     events: Events
     explains: bool
@@ -83,11 +82,10 @@ class Lender(Protocol):
 
 
 def fits(core: Lender) -> bool:
-    """Whether a core can have a lane: a compiled estimator, torques of one signal, few cycles."""
+    """Whether a core can have a lane: torques of one signal, few cycles."""
     inputs = core._inputs
     return (
-        isinstance(core.estimator, CompiledEstimator)
-        and all(len(parts) == 1 for parts in inputs._parts)
+        all(len(parts) == 1 for parts in inputs._parts)
         and min((t for _, t in inputs._deadlines), default=0) > 0
         and len(core._outbox.cycles_us) <= MAX_CYCLES
     )
@@ -103,7 +101,6 @@ class FastLane:
     """Of one core that it fits. limits_us: of a silence, and of steps of time forward and backward."""
 
     def __init__(self, core: Lender, limits_us: tuple[int, int, int]) -> None:
-        assert isinstance(core.estimator, CompiledEstimator)
         self._core, self._inputs, self._n = core, core._inputs, len(core.config.axles)
         self._estimator = core.estimator
         self._run = core.estimator.library.wrcd_lane_run

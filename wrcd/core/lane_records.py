@@ -2,9 +2,8 @@
 
 import numpy as np
 
+from wrcd.core.terms import EstimateDoubt, PairState
 from wrcd.core.vocabulary import MESSAGES
-from wrcd.estimator.records import EstimateDoubt
-from wrcd.estimator.trust.health import PairState
 
 MAX_CYCLES, MAX_AXLES, MAX_WORDS = 8, 8, 32
 TOLD = [name for message in ("adhesion", "detail", "inputs") for name in MESSAGES[message]]  # enum wrcd_told

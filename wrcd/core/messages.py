@@ -18,9 +18,9 @@ from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import Config
 from wrcd.core.counts import Counts, Health
 from wrcd.core.inputs import LAT, SPEED, TORQUE, YAW
+from wrcd.core.records import Estimate
+from wrcd.core.terms import MODELS
 from wrcd.core.vocabulary import CONFIDENCES, SURFACES
-from wrcd.estimator.design import MODELS
-from wrcd.estimator.records import Estimate
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,11 +106,10 @@ def plausibility(estimate: Estimate | None, axle: int) -> str:
     return "Saturated" if estimate.saturated[axle] else "Consistent"
 
 
-def health_values(health: Health, counts: Counts, design_checksum: str, engine: str) -> dict[str, Value]:
+def health_values(health: Health, counts: Counts, design_checksum: str) -> dict[str, Value]:
     """WrcdStatus."""
     return {
         "State": health.state,
-        "Engine": engine,
         "Overruns": float(health.overruns % 256),
         "RejectedFrames": float(counts.rejected.total() % 1024),
         "LastReason": counts.last_reason,
@@ -151,16 +150,16 @@ class Outgoing:
 
 
 class Outbox:
-    """Turns reports and counters into frames. A message that the DBC lacks is left out. engine: the estimator."""
+    """Turns reports and counters into frames. A message that the DBC lacks is left out."""
 
     _rejected_before: Counter[Reason]  # at the newest WrcdRejects
     _foreign_before: int = 0
 
-    def __init__(self, config: Config, engine: str) -> None:
+    def __init__(self, config: Config) -> None:
         def writer(output: Output | None) -> Writer | None:
             return Writer(find_message(config.database, output.message), output) if output else None
 
-        self._config, self._engine = config, engine
+        self._config = config
         self._adhesion = [writer(a.adhesion) for a in config.axles]
         self._detail = [writer(a.detail) for a in config.axles]
         self._inputs = [writer(a.inputs) for a in config.axles]
@@ -218,7 +217,7 @@ class Outbox:
     ) -> Iterator[Outgoing]:
         """How the daemon itself is."""
         if self._status and self._status.cycle_us in due:
-            values = health_values(health, counts, self._config.design.checksum, self._engine)
+            values = health_values(health, counts, self._config.design.checksum)
             yield from _frames((self._status,), end_us, due, (values,))
         if self._rejects and self._rejects.cycle_us in due:
             rejected, foreign = counts.rejected, health.link.foreign_frames
@@ -230,7 +229,7 @@ class Outbox:
 
     def shutdown_frames(self, now_us: int, counts: Counts, health: Health) -> Iterator[Frame]:
         """The last frames: every axle NotAvailable, the daemon stopping."""
-        status = health_values(health, counts, self._config.design.checksum, self._engine)
+        status = health_values(health, counts, self._config.design.checksum)
         last = [(w, NOT_AVAILABLE_REPORT.values()) for w in self._adhesion]
         for writer, values in (*last, (self._status, status)):
             if writer:

@@ -15,8 +15,9 @@ from wrcd.core.messages import (
     plausibility,
     surface,
 )
+from wrcd.core.records import Estimate
+from wrcd.core.terms import EstimateDoubt
 from wrcd.core.validity import Standing, verdict
-from wrcd.estimator.records import Estimate, EstimateDoubt
 
 
 @dataclass(frozen=True, slots=True)

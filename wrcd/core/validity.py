@@ -12,10 +12,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from wrcd.core.causes import Cause, Validity
-from wrcd.core.configuration import MAX_AXLES
 from wrcd.core.inputs import Inputs, TickInputs
-from wrcd.estimator.records import Estimate, EstimateDoubt
-from wrcd.estimator.trust.health import PairState
+from wrcd.core.records import Estimate
+from wrcd.core.terms import MAX_AXLES, EstimateDoubt, PairState
 
 OF_PAIR = {
     PairState.BOTH_DEAD: Cause.SENSORS_SILENT,

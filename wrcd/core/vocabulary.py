@@ -93,7 +93,6 @@ MESSAGES: Mapping[str, Mapping[str, Numeric | Words]] = {
     },
     "status_message": {
         "State": Words(("Running", "LinkDown", "Stopping")),
-        "Engine": Words(("Reference", "Compiled")),
         "Overruns": _count(256),
         "RejectedFrames": _count(1024),
         "LastReason": Words(_REASONS),

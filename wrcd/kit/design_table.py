@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wrcd.estimator.design_members import IN_PLACE, Member, OverSpeed
+from wrcd.core.design_members import IN_PLACE, Member, OverSpeed
 
 _PER_LINE = 6
 

@@ -5,8 +5,9 @@ from random import Random
 
 import numpy as np
 
-from wrcd.estimator.design import CHANNELS, Design, FloatArray
-from wrcd.estimator.records import Ticks
+from wrcd.core.design import Design, FloatArray
+from wrcd.core.records import Ticks
+from wrcd.core.terms import CHANNELS
 
 FIRST_TICK, TICKS = 1001, 800
 # Ticks from which the rail is another one, and at which something happens.

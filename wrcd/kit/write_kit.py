@@ -9,7 +9,7 @@ from pathlib import Path
 from wrcd import __version__
 from wrcd.config.config import load_config
 from wrcd.errors import Status
-from wrcd.kit import estimator
+from wrcd.kit import estimator_files
 from wrcd.kit.c_tables import tables
 from wrcd.kit.field_table import fields, levels, warnings
 from wrcd.kit.files import filled, headed, write
@@ -42,8 +42,9 @@ def estimator_kit(folder: Path, config_file: Path | None, force: bool) -> int:
     """Write the estimator of a configuration's axles and design, None: the packaged one. Raises InputError."""
     config = load_config(config_file)
     axles = len(config.axles)
-    write(folder, estimator.files_of(config.design, axles), force)
-    print(f"{folder}: estimator of {axles} axles, design {estimator.name_of(config.design)}; {_how_to_test(folder)}")
+    write(folder, estimator_files.files_of(config.design, axles), force)
+    design = estimator_files.name_of(config.design)
+    print(f"{folder}: estimator of {axles} axles, design {design}; {_how_to_test(folder)}")
     return Status.DONE
 
 

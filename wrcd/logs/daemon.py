@@ -36,7 +36,6 @@ def daemon_findings(story: Story) -> Iterator[Finding]:
     """Of what the daemon and the bus had to bear."""
     yield from _clock(story)
     yield from _design(story)
-    yield from _engine(story)
     yield from _state(story)
     yield from _restarts(story)
     yield from _counts(story, story.status, "status_message", STATUS_COUNTS)
@@ -96,12 +95,6 @@ def _design(story: Story) -> Iterator[Finding]:
             f"The daemon says that it ran the design {', '.join(f'{x:04x}' for x in other)}…, the configuration's is "
             f"{ours:04x}…: rules and models here may not be those that decided. Give the --config that it ran with.",
         )
-
-
-def _engine(story: Story) -> Iterator[Finding]:
-    engines = story.status.values.get("Engine") if story.status is not None else None
-    if engines is not None and (engines == words_of("status_message", "Engine").index("Reference")).any():
-        yield Finding("note", "The reference estimator in numpy ran, not the compiled one: it is slower.")
 
 
 def _state(story: Story) -> Iterator[Finding]:

@@ -43,7 +43,7 @@ class AxleComparison:
 
 def with_design(config: Config, file: Path) -> Config:
     """A configuration with another design. Raises InputError for a file that is none."""
-    from wrcd.estimator.design import load_design
+    from wrcd.core.design import load_design
 
     return replace(config, design=load_design(file), design_file=file)
 

@@ -16,12 +16,12 @@ from wrcd.bus.positions import Position
 from wrcd.bus.signals import Output, OutputSignal
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
+from wrcd.core.design import Design
 from wrcd.core.events import COLUMNS as EVENT_COLUMNS
 from wrcd.core.events import csv_line
 from wrcd.core.messages import Outgoing
+from wrcd.core.records import Estimate
 from wrcd.errors import InputError, create
-from wrcd.estimator.design import Design
-from wrcd.estimator.records import Estimate
 from wrcd.logs.exports import GatherExports
 from wrcd.logs.feed import Part
 from wrcd.logs.rule_sentences import sentence

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wrcd.estimator.design import MODELS, Design
-from wrcd.estimator.paper.window import LAG
+from wrcd.core.design import Design
+from wrcd.core.terms import LAG, MODELS
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,9 +18,9 @@ from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
 from wrcd.core.events import Change
+from wrcd.core.records import Estimate
+from wrcd.core.terms import MODELS
 from wrcd.errors import InputError
-from wrcd.estimator.design import MODELS
-from wrcd.estimator.records import Estimate
 from wrcd.logs import statistics, story_events, truth, verdict
 from wrcd.logs.decoder import OwnFrames
 from wrcd.logs.feed import outgoing_of_log

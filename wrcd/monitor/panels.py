@@ -124,8 +124,6 @@ def daemon_at(model: BusModel, at_us: int) -> DaemonNow:
         if math.isfinite(checksum) and int(checksum) != own:
             parts.append(f"runs another design ({int(checksum):04x}, here {own:04x}): rules and models may differ")
             level = "warn"
-        if status.get("Engine") == words_of(STATUS, "Engine").index("Reference"):
-            parts.append("estimates by the reference in numpy")
     elif STATUS in model.daemon and len(model.daemon[STATUS]):
         parts.append(f"no {model.daemon[STATUS].name}")
         level = "warn"

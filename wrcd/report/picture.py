@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from wrcd.core.causes import Validity
-from wrcd.estimator.design import MODELS
+from wrcd.core.terms import MODELS
 from wrcd.logs.story_events import STALE_AFTER, VALID_PLACE
 from wrcd.logs.story_records import AdhesionRecord, Detail, Event, Numbers, Story, StoryAxle, Times, percent
 from wrcd.logs.why import CONTACTS

@@ -12,10 +12,8 @@ from wrcd.bus.dbc import attribute, timeout_ms
 from wrcd.bus.link import LinkState
 from wrcd.bus.reasons import Reason
 from wrcd.core.causes import Cause, Validity
-from wrcd.core.configuration import MAX_AXLES
 from wrcd.core.counts import State
-from wrcd.estimator.estimator import Estimator
-from wrcd.estimator.native_estimator import CompiledEstimator
+from wrcd.core.terms import MAX_AXLES
 
 ROOT = Path(__file__).parents[3]
 MESSAGES = {
@@ -162,7 +160,6 @@ def test_labels_are_those_that_the_code_sends(production: Database) -> None:
     """Each of these words is one that the daemon uses, and it uses no other."""
     assert words(production, "Adhesion_A3", "Validity") == {v.value for v in Validity}
     assert words(production, "WrcdStatus", "State") == set(get_args(State))
-    assert words(production, "WrcdStatus", "Engine") == {Estimator.engine, CompiledEstimator.engine}
     assert words(production, "WrcdLink", "LinkState") == set(get_args(LinkState))
 
 

@@ -29,7 +29,6 @@ import pytest
 from sim_ecu.bench import Bench, scenario
 from sim_ecu.cli import main as rig
 from tests.support.processes import ROOT
-from wrcd import native
 from wrcd.checksum import checksum
 from wrcd.cli import main as daemon
 from wrcd.config.config import DEFAULT
@@ -116,10 +115,8 @@ def said(block: Block) -> list[str]:
             status = MAINS[program](arguments)
         except SystemExit as e:  # of the parser of arguments
             status = int(e.code or 0)
-    slow = native.slow()
-    lines = [line for line in err.getvalue().splitlines() if slow is None or slow not in line]
     printed = out.getvalue().splitlines() if text.endswith(" |") else []
-    found = "\n".join((*printed, *lines, f"[{status}]", ""))
+    found = "\n".join((*printed, *err.getvalue().splitlines(), f"[{status}]", ""))
     return found.replace(f"{Path.cwd()}/", "").replace(f"{ROOT}/", "").split("\n")
 
 

@@ -12,7 +12,7 @@ from sim_ecu.cli.main import main as rig_main
 from wrcd import native, resources
 from wrcd.cli import program as program_of_both
 from wrcd.cli.main import main
-from wrcd.estimator import design
+from wrcd.core import design
 
 
 @pytest.mark.parametrize(("program", "run"), [("wrcd", main), ("sim-ecu", rig_main)])
@@ -29,7 +29,7 @@ def test_version_names_package_design_and_formats(
         f"design  {packaged['name']} {packaged['checksum'][:12]}, {design.FORMAT}",
         "log     candump -L",
     ]
-    assert said[3] == f"estimator: {native.engine()}"
+    assert said[3] == f"library C11, compiled by {native.compiler()}"
     assert re.fullmatch(
         r"with    Python 3\.\d+\.\S+, numpy \d\S+, cantools \d\S+, python-can \d\S+, Linux \S+", said[4]
     )

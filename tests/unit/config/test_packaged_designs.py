@@ -16,8 +16,8 @@ from wrcd.cli.main import main
 from wrcd.config.config import DEFAULT, load_config, load_packaged
 from wrcd.config.describe import describe
 from wrcd.config.packaged_designs import design_path, packaged_designs
+from wrcd.core.design import MAX_SENTENCE, MAX_WORLDS, load_design
 from wrcd.errors import InputError
-from wrcd.estimator.design import MAX_SENTENCE, MAX_WORLDS, load_design
 
 LONE_WHEELSET = resources.DESIGNS / "lone-wheelset.design.json"
 WORLDS = ["For a multiple unit of 48 t.", "Creep slopes from half to twice those of the friction."]

@@ -16,8 +16,8 @@ from wrcd.core import events
 from wrcd.core.causes import RESERVED, Cause, Validity
 from wrcd.core.details import Details
 from wrcd.core.events import COLUMNS, Change, csv_line
-from wrcd.estimator.records import Estimate, EstimateDoubt
-from wrcd.estimator.signals.gate import Outliers
+from wrcd.core.records import Estimate, Outliers
+from wrcd.core.terms import EstimateDoubt
 
 DEFAULT = load_config(None)
 

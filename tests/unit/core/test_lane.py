@@ -18,9 +18,7 @@ from wrcd.core.causes import Cause
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
 from wrcd.core.messages import Outgoing
-from wrcd.estimator.native_estimator import CompiledEstimator
 
-pytestmark = pytest.mark.usefixtures("library")
 MOST_AT_ONCE = 300
 
 
@@ -85,7 +83,6 @@ def waits(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> No
 @pytest.mark.parametrize("explains", [False, True])
 def test_undisturbed_train_runs_in_the_lane(axles: int, explains: bool, tmp_path: Path) -> None:
     core, count = compare(configured(tmp_path, axles), played(axles), np.random.default_rng(axles), explains)
-    assert isinstance(core.estimator, CompiledEstimator)
     assert core.lane_ticks > 0.8 * core.counts.ticks
     assert count > 500 * axles
 

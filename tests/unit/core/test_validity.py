@@ -20,9 +20,8 @@ from wrcd.config.config import load_config
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import Config
 from wrcd.core.inputs import DEAD_SHARE, TRACTION_HELD_US
+from wrcd.core.terms import EstimateDoubt, PairState
 from wrcd.core.validity import FIRST_WAIT_S, FREE_RESETS, LAST_WAIT_S, OF_ESTIMATE, OF_PAIR, ValidityMonitor, verdict
-from wrcd.estimator.records import EstimateDoubt
-from wrcd.estimator.trust.health import PairState
 
 DEFAULT = load_config(None)
 

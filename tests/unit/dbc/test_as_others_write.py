@@ -8,9 +8,9 @@ import pytest
 from wrcd import resources
 from wrcd.bus.dbc import attribute, data_id, find_message, find_signal, load_dbc, timeout_ms
 from wrcd.cli.main import main
+from wrcd.core.design import load_design
 from wrcd.dbc import dbc_lines
 from wrcd.dbc.lint.lint_file import findings
-from wrcd.estimator.design import load_design
 
 OWN = Path(__file__).parents[3] / "examples/own-dbc/train.dbc"
 E2E = 'BA_DEF_ BO_ "E2EDataId" INT 0 65535;\nBA_DEF_DEF_ "E2EDataId" 0;\nBA_ "E2EDataId" BO_ 560 77;\n'

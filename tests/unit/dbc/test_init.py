@@ -15,11 +15,11 @@ from wrcd.bus.units import Quantity
 from wrcd.cli import main as cli
 from wrcd.config.config import load_config, load_packaged
 from wrcd.core.configuration import Config, Input
+from wrcd.core.design import load_design
 from wrcd.dbc.dbc_lines import read
 from wrcd.dbc.init.proposal import Proposal
 from wrcd.dbc.init.propose import propose
 from wrcd.errors import InputError, InputErrors
-from wrcd.estimator.design import load_design
 
 ROOT = Path(__file__).parents[3]
 DESIGN = load_design(resources.DESIGN)

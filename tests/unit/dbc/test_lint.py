@@ -10,10 +10,10 @@ from sim_ecu import resources as rig
 from wrcd import resources
 from wrcd.bus.dbc import load_dbc
 from wrcd.cli import main as cli
+from wrcd.core.design import load_design
 from wrcd.dbc.dbc_lines import read
 from wrcd.dbc.lint.codes import CODES
 from wrcd.dbc.lint.lint_file import findings
-from wrcd.estimator.design import load_design
 
 ROOT = Path(__file__).parents[3]
 DESIGN = load_design(resources.DESIGN)

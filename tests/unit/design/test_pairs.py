@@ -22,9 +22,8 @@ from sim_ecu.design.pairs import (
     tempers,
 )
 from sim_ecu.design.recordings import Recording
-from wrcd.estimator.design import CERTAIN, Design, HealthModel, load_design
-from wrcd.estimator.trust.health import FEATURES, SPAN_TICKS, PairState
-from wrcd.estimator.trust.interval import Regime
+from wrcd.core.design import Design, HealthModel, load_design
+from wrcd.core.terms import CERTAIN, PAIR_FEATURES, SPAN_TICKS, PairState, Regime
 from wrcd.resources import DESIGN
 
 TICKS, CONDITIONS = 40 * SPAN_TICKS, 4  # two wheelsets of each
@@ -89,7 +88,7 @@ def watched(x: FloatArray, state: FloatArray, seed: int = 0) -> Watched:
 
 
 def test_factor_makes_the_interval_hold_as_much_as_it_shall_and_unseen_regimes_keep_the_rules_own() -> None:
-    part = watched(np.zeros((2, 4, FEATURES)), np.zeros((2, 4)))
+    part = watched(np.zeros((2, 4, PAIR_FEATURES)), np.zeros((2, 4)))
     found = intervals([part])["factors"]
     np.testing.assert_allclose(found[Regime.STEADY], -np.log(1.0 - COVERS), rtol=0.06)
     np.testing.assert_array_equal(found[Regime.COASTING], np.ones(len(INTERVAL_SPEEDS)))
@@ -102,7 +101,7 @@ def pairs(spans: int, lanes: int, seed: int) -> Watched:
     rng = np.random.default_rng(seed)
     kinds = np.where(np.arange(lanes) < lanes // 2, PairState.SOUND, PairState.REVERSED)
     state = np.broadcast_to(kinds, (spans, lanes))
-    x = 0.1 * rng.standard_normal((spans, lanes, FEATURES))
+    x = 0.1 * rng.standard_normal((spans, lanes, PAIR_FEATURES))
     x[:, :, 0] += np.where((state == PairState.REVERSED) | (rng.random(state.shape) < 0.05), 1.0, -1.0)
     return watched(x, state, seed)
 
@@ -115,13 +114,13 @@ def test_network_tells_the_states_apart_and_one_that_never_came_is_not_found() -
 
 
 def test_evidence_counts_as_far_as_sound_pairs_stay_unaccused() -> None:
-    hidden, out = np.zeros((FEATURES, 1)), np.zeros((1, len(PairState)))
+    hidden, out = np.zeros((PAIR_FEATURES, 1)), np.zeros((1, len(PairState)))
     hidden[0], out[0, PairState.REVERSED] = 1.0, 4.0
     s = len(PairState)
     prior = np.r_[0.0, np.full(s - 1, np.log(1e-4))]
-    model = HealthModel(np.zeros(FEATURES), np.ones(FEATURES), hidden, np.zeros(1), out, np.zeros(s), np.zeros(s),
-                        prior, 0.97, 1e-6)  # fmt: skip
-    x = -np.ones((100, 400, FEATURES))
+    middle, scale = np.zeros(PAIR_FEATURES), np.ones(PAIR_FEATURES)
+    model = HealthModel(middle, scale, hidden, np.zeros(1), out, np.zeros(s), np.zeros(s), prior, 0.97, 1e-6)
+    x = -np.ones((100, 400, PAIR_FEATURES))
     honest = tempers([(model, [watched(x, np.zeros((100, 400)))])])[PairState.REVERSED]
     x[:, : max(1, round(10 * ACCUSED * 400)), 0] = 1.0  # of so many sound pairs it says that they are reversed
     misled = tempers([(model, [watched(x, np.zeros((100, 400)))])])[PairState.REVERSED]

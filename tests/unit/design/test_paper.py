@@ -16,14 +16,15 @@ from sim_ecu.design.paper import BORDERS_PCT, PaperRules, fit_paper, output_of, 
 from sim_ecu.design.recordings import record
 from sim_ecu.design.rules import PAPER_POLYNOMIAL
 from sim_ecu.resources import PAPER_DESIGN
-from tests.reference.rules import FuzzyReference
+from tests.oracle.rules import Rules
+from tests.support.c_parts import infer
 from tests.support.lone_wheelset import LONE_DESIGN
 from wrcd.checksum import checksum
+from wrcd.core.design import Design, load_design, parse_design
+from wrcd.core.estimator import Estimator
+from wrcd.core.records import Tick
+from wrcd.core.terms import COLUMNS, MODELS
 from wrcd.errors import InputError
-from wrcd.estimator.design import COLUMNS, MODELS, Design, load_design, parse_design
-from wrcd.estimator.estimator import Estimator
-from wrcd.estimator.paper.fuzzy import Fuzzy
-from wrcd.estimator.records import Tick
 from wrcd.logs.rule_sentences import condition, sentence
 
 SETS = (3, 3, 8, 1)
@@ -138,18 +139,16 @@ def inputs(d: Design, n: int) -> FloatArray:
     return x
 
 
-def test_one_set_of_speeds_holds_at_all_of_them_in_both_engines(file: Path) -> None:
+def test_one_set_of_speeds_holds_at_all_of_them(file: Path) -> None:
     d = load_design(file)
     x = inputs(d, 60)
-    fast = Fuzzy(d).infer(x)
-    slow = FuzzyReference(d).outputs(x)
-    known = np.isfinite(fast.output)
-    assert known.sum() > 20
-    assert fast.output[known] == pytest.approx(slow[known], abs=1e-6)
+    found = np.array([a.output for a in infer(d, x)])
+    assert np.isfinite(found).sum() > 20
+    assert found == pytest.approx(Rules(d).infer(x).output, abs=1e-9, nan_ok=True)
     other = x.copy()
     other[:, MODELS + 1] = 0.5 - x[:, MODELS + 1]
     other[:, MODELS + 2 :] *= -1.0  # nor do correlations, lengths and noise count
-    assert np.array_equal(Fuzzy(d).infer(other).output, fast.output, equal_nan=True)
+    assert np.array_equal([a.output for a in infer(d, other)], found, equal_nan=True)
 
 
 def test_paper_rules_read_as_printed(file: Path, capsys: pytest.CaptureFixture[str]) -> None:

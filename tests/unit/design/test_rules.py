@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.signal import sosfilt
 
 from sim_ecu.design.brief import load_source
 from sim_ecu.design.linear import steady_state
@@ -9,9 +10,7 @@ from sim_ecu.design.make import LOWEST
 from sim_ecu.design.rules import COVERS, RuleBase, adhesion_of, fit, output_of, polynomial
 from sim_ecu.physics.wheelset import Wheelset
 from tests.support.lone_wheelset import LONE_DESIGN
-from wrcd.estimator.design import load_design
-from wrcd.estimator.paper.bank import Bank
-from wrcd.estimator.recursion import Sections
+from wrcd.core.design import closed_loop, load_design
 
 SETS = (3, 3, 2)
 
@@ -103,13 +102,15 @@ def test_noise_alone_leaves_the_residual_that_is_taken_off(model: int) -> None:
     assert design.noise_power[20, model] == pytest.approx(gains.noise_power(W, design.lowpass, (3e-4, 0.01)), rel=1e-4)
     # each sensor alone: what is left of its noise behind the bank and the low-pass is its column of the table
     rng = np.random.default_rng(1)
+    Phi, K, H, whiten = (a[20, model] for a in (design.Phi, design.K, design.H, design.whiten))
     for channel, rms in enumerate(design.noise_rms):
-        bank, lowpass = Bank(design, 40), Sections(design.lowpass, 8, 40)
         z = np.zeros((2500, 2, 40))
         z[:, channel] = rms * rng.standard_normal((2500, 40))
-        here = np.ones((2, 40), dtype=bool)
-        w = np.stack([lowpass.step(bank.step(row, here, speed)[1].reshape(8, 40)).reshape(4, 2, 40) for row in z])
-        power = np.square(w[500:, model]).mean(axis=(0, 2)).sum()
+        x, w = np.zeros((design.states, 40)), np.empty(z.shape)
+        for k, row in enumerate(z):
+            w[k] = whiten @ (row - H @ x)
+            x = closed_loop(Phi, K, H) @ x + Phi @ K @ row
+        power = np.square(sosfilt(design.lowpass.copy(), w, axis=0)[500:]).mean(axis=(0, 2)).sum()
         assert power == pytest.approx(design.noise_power[20, model, channel], rel=0.1)
 
 

@@ -19,8 +19,8 @@ from sim_ecu.design.search import FitAccuracy, Matching, error_of, matching, min
 from sim_ecu.design.space import GROUPS, brief_at, groups_of, parameters, vector
 from sim_ecu.play.vehicles import DEFAULT_VEHICLE, load_vehicle
 from wrcd.config.settings import parse_toml
+from wrcd.core.terms import COLUMNS
 from wrcd.errors import InputError
-from wrcd.estimator.design import COLUMNS
 
 
 def silent(_what: str, _share: float) -> None:

@@ -18,9 +18,9 @@ from sim_ecu.jobs.pool import Stopped, Workers
 from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.vehicles import load_vehicle
 from tests.support.lone_wheelset import LONE
+from wrcd.core.design import load_design
+from wrcd.core.terms import PAIR_FEATURES, PairState
 from wrcd.errors import InputError, Status
-from wrcd.estimator.design import load_design
-from wrcd.estimator.trust.health import FEATURES, PairState
 from wrcd.resources import DEFAULT_DESIGN, DESIGNS
 
 PLAN = Plan(seed=5, speeds=2, per_speed=3, settle_s=0.5, seconds=0.7)
@@ -202,7 +202,7 @@ def test_pairs_are_kept_and_are_of_both_wheelsets_of_a_bogie(tmp_path: Path, veh
             np.testing.assert_array_equal(getattr(a, f.name), getattr(b, f.name))
         each = (SOUND_EACH + EACH) * 2 * len(group.conditions) * (2 if w.bogie is None else 1)
         assert each <= a.features.shape[1] == len(a.partner) == len(a.held) <= 1.25 * each
-        assert a.features.shape[2] == FEATURES
+        assert a.features.shape[2] == PAIR_FEATURES
         assert np.isfinite(a.features.astype(float)).all()
         assert {PairState.SOUND} < set(a.state[FIRST_SPAN:].ravel().tolist())
         assert len(a.off) == len(a.regime) == len(a.speed_m_s) > 0

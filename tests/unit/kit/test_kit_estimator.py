@@ -1,4 +1,4 @@
-"""The estimator in C of a kit: it compiles without a warning, says what the reference says, and fails where it does
+"""The estimator in C of a kit: it compiles without a warning, says what wrcd says, and fails where it does
 not; on this processor and on a 32-bit Arm."""
 
 import re
@@ -10,21 +10,23 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tests.oracle.estimator import Oracle
 from tests.support.kit.building import COMPILERS, make, needs_compiler, run_make, written
 from tests.support.kit.trains import odd_train
 from tests.support.pages import ROOT, run_by
 from tests.support.tools import needs
 from wrcd import __version__
 from wrcd.config.config import load_config
+from wrcd.core.design import Design, load_design
+from wrcd.core.design_members import Member, OverSpeed, members
 from wrcd.errors import InputError
-from wrcd.estimator.design import Design, load_design
-from wrcd.estimator.design_members import Member, OverSpeed, members
 from wrcd.kit.design_table import DesignTable
-from wrcd.kit.estimator import MADE, SOURCES, files_of
+from wrcd.kit.estimator_files import EVERY, MADE, SOURCES, files_of
+from wrcd.kit.golden_track import track
 from wrcd.kit.write_kit import estimator_kit
 
 PAGE = "docs/how-to/run-on-an-ecu.md"
-SAYS = re.compile(r"800 ticks of (\d) axles, 32 estimates, largest difference (\S+): as the reference\n")
+SAYS = re.compile(r"800 ticks of (\d) axles, 32 estimates, largest difference (\S+): as wrcd\n")
 STACK = re.compile(r"^stack (\d+) bytes; it may be 49152$", re.MULTILINE)
 
 
@@ -57,7 +59,7 @@ def judge(said: str, axles: int) -> None:
 
 
 @needs_compiler
-def test_estimator_says_what_the_reference_says(built: tuple[Path, str]) -> None:
+def test_estimator_says_what_wrcd_says(built: tuple[Path, str]) -> None:
     judge(built[1], axles=4)
 
 
@@ -68,7 +70,7 @@ def test_every_compiler_builds_it_without_a_warning(compiler: str, copied: Path)
 
 
 @needs_compiler
-def test_estimator_of_a_train_with_two_axles_says_what_the_reference_says(tmp_path: Path) -> None:
+def test_estimator_of_a_train_with_two_axles_says_what_wrcd_says(tmp_path: Path) -> None:
     judge(make(written(tmp_path / "kit", odd_train(tmp_path), estimator=True)), axles=2)
 
 
@@ -123,10 +125,10 @@ def test_example_prints_an_adhesion_for_each_axle(copied: Path) -> None:
 @pytest.mark.parametrize(
     ("file", "was", "becomes"),
     [
-        ("vectors.h", r"(mu_available_pct = 2\d\.\d{6})\d", r"\g<1>"),  # what the reference said
+        ("vectors.h", r"(mu_available_pct = 2\d\.\d{6})\d", r"\g<1>"),  # what wrcd said
         ("vectors.h", r"\{\{0\.\d+", "{{0.3"),  # what it was given
         ("design.c", r"(ADHESION|POLYNOMIAL)(\[7\] = \{\s+)-?\d", r"\1\g<2>9"),
-        ("rules.c", "MIN_FIRING = 0.05", "MIN_FIRING = 0.9"),
+        ("parts.h", "MIN_FIRING = 0.05", "MIN_FIRING = 0.9"),
     ],
 )
 def test_difference_is_found(file: str, was: str, becomes: str, copied: Path) -> None:
@@ -136,7 +138,7 @@ def test_difference_is_found(file: str, was: str, becomes: str, copied: Path) ->
     (copied / file).write_text(changed)
     done = run_make(copied)
     assert done.returncode == 2
-    assert "NOT as the reference" in done.stdout
+    assert "NOT as wrcd" in done.stdout
     assert re.search(r"^tick \d+, axle \d, \w+\[\d+\]: \S+, not \S+$", done.stdout, re.MULTILINE)
 
 
@@ -156,7 +158,7 @@ def test_files_name_version_and_design_and_the_sources_are_wrcds_own(default: Pa
         assert f"written by wrcd kit {__version__}; design: multiple-unit wrcd-design/4 {design.checksum};" in head
         assert not re.search("@[A-Z_]+@", body), name
         if name in SOURCES:
-            own = (ROOT / "wrcd/estimator/c" / name).read_text()
+            own = (ROOT / "wrcd/core/c" / name).read_text()
             assert body == own.replace("WRCD_MAX_AXLES = 8", "WRCD_MAX_AXLES = 4"), name
     assert (default / "vectors.h").stat().st_size < 400_000
 
@@ -184,3 +186,21 @@ def test_table_has_every_number_to_the_last_bit() -> None:
     arrays = [tuple(a.tolist()) for a in numbers_of(members(design))]
     assert len(arrays) > 30
     assert [a for a in arrays if a not in said and f"{{{', '.join(map(repr, a))}}}" not in table] == []
+
+
+def test_vectors_are_what_the_oracle_says() -> None:
+    """To the digits that they are written with."""
+    design = load_config(None).design
+    ticks, oracle = track(design, 2), Oracle(design, 2)
+    text = files_of(design, 2)["vectors.h"].decode()
+    written = [float(x) for x in re.findall(r"\.mu_available_pct = ([\w.+-]+)", text)]
+    said: list[float] = []
+    for k in range(len(ticks)):
+        with np.errstate(all="ignore"):
+            result = oracle.step(ticks.tick(k))
+        for axle in np.flatnonzero(result.needs_reset).tolist():
+            oracle.reset(axle)
+        if k % EVERY == EVERY - 1:
+            said += oracle.estimate().mu_available_pct.tolist()
+    assert np.isfinite(said).sum() > 40
+    assert written == pytest.approx(said, rel=1e-9, nan_ok=True)

@@ -10,7 +10,7 @@ from sim_ecu.cli.main import main as sim_ecu
 from tests.support.scenarios import LogOf, held
 from wrcd.cli.main import main as wrcd
 from wrcd.core.causes import Cause
-from wrcd.estimator.design import load_design
+from wrcd.core.design import load_design
 from wrcd.logs.rule_sentences import condition, sentence
 from wrcd.resources import DESIGN
 

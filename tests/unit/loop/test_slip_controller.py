@@ -18,7 +18,7 @@ from sim_ecu.play.encoder import Channel, Sent
 from sim_ecu.play.scenario import Course
 from tests.support.stops import low_stop
 from wrcd.config.config import load_packaged
-from wrcd.estimator.trust.health import PairState
+from wrcd.core.terms import PairState
 from wrcd.resources import LONE
 
 FACTS = Facts((1, 2), Wheelset(), Actuators())

@@ -13,7 +13,7 @@ from sim_ecu.play.player import Player
 from sim_ecu.play.scenario import Scenario, load_scenario, read_scenario
 from sim_ecu.play.scenario_keys import TABLES, Measure
 from wrcd.config.settings import parse_toml
-from wrcd.core.configuration import MAX_AXLES
+from wrcd.core.terms import MAX_AXLES
 from wrcd.errors import InputError, InputErrors
 
 

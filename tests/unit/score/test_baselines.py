@@ -13,10 +13,10 @@ from sim_ecu.physics.track import SPECTRA
 from sim_ecu.physics.wheelset import LAT_ACCEL, TORQUE, YAW_RATE, Wheelset
 from sim_ecu.score.baselines import Beside, GivenTicks, TorqueRatio, fitting
 from tests.support.lone_wheelset import LONE_DESIGN
+from wrcd.core.design import load_design
+from wrcd.core.estimator import Estimator
+from wrcd.core.records import Tick
 from wrcd.errors import InputError
-from wrcd.estimator.design import load_design
-from wrcd.estimator.estimator import Estimator
-from wrcd.estimator.records import Tick
 
 W = Wheelset()
 MEMS = SENSOR_SETS["mems"]

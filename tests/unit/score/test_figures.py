@@ -15,8 +15,9 @@ from sim_ecu.score.figure_data import LINEAR, SETTLED_S, SPEED, Known, Levels, h
 from sim_ecu.score.figures import run, sources
 from tests.support.lone_wheelset import LONE_DESIGN
 from wrcd.checksum import checksum
+from wrcd.core.design import Sets
+from wrcd.core.terms import MODELS
 from wrcd.errors import InputError
-from wrcd.estimator.design import MODELS, Sets
 
 NUMBERS = (1, 3, 4, 5, 6, 8, 9, 10, 11, 12, 13)
 

@@ -64,7 +64,6 @@ def yardstick(records: list[bytes]) -> int:
     return len(found)
 
 
-@pytest.mark.usefixtures("library")  # the reference in numpy takes longer
 def test_turns_of_four_axles_cost_no_more_than_their_yardstick(monkeypatch: pytest.MonkeyPatch) -> None:
     bus = Bus(frames())
     monkeypatch.setattr("wrcd.service.loop.time.sleep", bus.sleep)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 from wrcd.bus.units import Quantity
 from wrcd.config.input_mapping import MEASURED
-from wrcd.core.configuration import MAX_AXLES
+from wrcd.core.terms import MAX_AXLES
 from wrcd.dbc.recognition import SignalCandidate
 
 PER_AXLE = (

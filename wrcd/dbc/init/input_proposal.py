@@ -11,6 +11,7 @@ from wrcd.bus.words import degraded as is_degraded
 from wrcd.config.input_mapping import MEASURED
 from wrcd.config.section import toml
 from wrcd.config.statements import TORQUES, VEHICLE_QUANTITIES
+from wrcd.core.design import Design
 from wrcd.dbc.dbc_lines import DbcText, Signal
 from wrcd.dbc.init.proposal import Proposal
 from wrcd.dbc.recognition import (
@@ -29,7 +30,6 @@ from wrcd.dbc.recognition import (
     numbers,
     words,
 )
-from wrcd.estimator.design import Design
 
 # Ours: y to the left of travel, yaw counter-clockwise seen from above, traction positive.
 OTHER_WAY = {

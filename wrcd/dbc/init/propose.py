@@ -12,6 +12,7 @@ from wrcd.config import declared
 from wrcd.config.config import mistakes
 from wrcd.config.describe import KNOWN_BY
 from wrcd.config.section import toml
+from wrcd.core.design import Design, load_design
 from wrcd.dbc.dbc_lines import DbcText, read
 from wrcd.dbc.init.adhesion_proposal import propose_adhesion
 from wrcd.dbc.init.axle_numbers import PER_AXLE, Arrangement, arrange, near
@@ -19,7 +20,6 @@ from wrcd.dbc.init.input_proposal import propose_input, propose_shared
 from wrcd.dbc.init.proposal import Proposal
 from wrcd.dbc.recognition import TOTAL_WORDS, SignalCandidate, candidates, contains
 from wrcd.errors import InputError, create
-from wrcd.estimator.design import Design, load_design
 
 NEEDED = (Quantity.YAW_RATE, Quantity.LAT_ACCEL, Quantity.TORQUE)
 

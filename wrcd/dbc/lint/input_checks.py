@@ -7,6 +7,7 @@ from wrcd.bus.dbc import TIMEOUT
 from wrcd.bus.units import Quantity, factor
 from wrcd.bus.words import unusable, usable
 from wrcd.config.input_mapping import MEASURED
+from wrcd.core.design import Design
 from wrcd.core.plausibility import cost_of_step
 from wrcd.dbc.dbc_lines import DbcText, Signal
 from wrcd.dbc.lint.codes import Flaw
@@ -26,7 +27,6 @@ from wrcd.dbc.recognition import (
     senders_of_adhesion,
     words,
 )
-from wrcd.estimator.design import Design
 
 CHANNELS = (Quantity.YAW_RATE, Quantity.LAT_ACCEL)  # as the design orders the noise of its sensors
 TWO_SIGNS = (*CHANNELS, Quantity.TORQUE)

@@ -9,13 +9,13 @@ from pathlib import Path
 from wrcd import resources
 from wrcd.bus.dbc import load_dbc
 from wrcd.bus.units import Quantity
+from wrcd.core.design import Design, load_design
 from wrcd.dbc.dbc_lines import read
 from wrcd.dbc.lint.codes import CODES, Flaw
 from wrcd.dbc.lint.input_checks import check_inputs
 from wrcd.dbc.lint.message_checks import check_layout, check_protection, check_times, check_values
 from wrcd.dbc.recognition import candidates
 from wrcd.errors import InputError
-from wrcd.estimator.design import Design, load_design
 
 INPUTS = (Quantity.YAW_RATE, Quantity.LAT_ACCEL, Quantity.TORQUE, Quantity.SPEED, Quantity.BRAKE_TORQUE)
 

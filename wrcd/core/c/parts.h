@@ -1,0 +1,116 @@
+/* The estimator's stages, for its own files only. */
+#ifndef WRCD_PARTS_H
+#define WRCD_PARTS_H
+
+#include <math.h>
+#include <stdbool.h>
+#include <string.h>
+
+#include "wrcd_estimator.h"
+
+enum { MODELS = WRCD_MODELS, CHANNELS = WRCD_CHANNELS, W = WRCD_MODELS * WRCD_CHANNELS, YAW = 0, LAT = 1 };
+
+/* What designs and words in Python go by, too: wrcd_constant() tells it. */
+enum { REMEMBER_TICKS = 16, SPAN_TICKS = 48 }; /* from one word that is fused, and one look at the sensors, to the next */
+/* Where among what the rules are given correlations, noise, the torque's swing and the residuals' steps begin. */
+enum { LAG = WRCD_INPUTS, CROSS = LAG + W, LENGTH = CROSS + MODELS, NOISE, SWING = NOISE + CHANNELS, STEP = SWING + 2 };
+/* Below this total firing no rule speaks for the moment: the answer is "I don't know", not a guess. */
+static const double MIN_FIRING = 0.05;
+static const double LOG_SPREADS[2] = {-2.7, 0.3}; /* no interval is narrower or wider than this, over the adhesion (log10) */
+static const double HARSH_SHARE = 0.4; /* of the window that must hold data far from pulses */
+static const double MIN_M = 2.9;       /* the least way that a wheelset must have run to tell */
+static const double CERTAIN = 14.0;    /* log odds of a pair's state: no more than this is kept */
+static const double MAX_FEATURE = 5.0; /* standard deviations of a feature of a pair */
+static const double SLOWEST_M_S = 3.0; /* slower, a wheelbase takes longer than is kept */
+/* Whatever the innovations say: no wheelset's yaw rate (rad/s) changes by so much within a tick; 0.061 is the most in 3000
+ * runs, at a drop from dry to leaf film. */
+static const double MAX_JUMP = 0.08;
+
+/* As numpy's maximum and minimum: NaN wins. */
+static inline double greater(double a, double b) { return a > b || isnan(a) ? a : b; }
+static inline double lesser(double a, double b) { return a < b || isnan(a) ? a : b; }
+static inline double held(double x, double low, double high) { return lesser(greater(x, low), high); }
+
+/* bank.c */
+double wrcd_speed_step(wrcd_estimator *e, const wrcd_design *d, double speed_m_s);
+void wrcd_table_at(const wrcd_speed_table *table, double speed, double *row);
+typedef struct { double m[MODELS][WRCD_MAX_STATES + CHANNELS][WRCD_MAX_STATES + 2 * CHANNELS]; } bank_matrices;
+void wrcd_bank_at(wrcd_estimator *e, const wrcd_design *d, double speed_m_s, bank_matrices *at);
+void wrcd_bank_step(const bank_matrices *at, int states, double x[MODELS][WRCD_MAX_STATES], const double z[CHANNELS],
+               bool present, double innovation[MODELS][CHANNELS], double whitened[MODELS][CHANNELS]);
+
+/* signals.c */
+void wrcd_sections_step(const double *sections, int count, double *x, int channels, double *signal);
+void wrcd_offset_step(wrcd_axle *a, double ticks, const double z[CHANNELS], bool learns, double deviation[CHANNELS]);
+void wrcd_gate_outliers(const wrcd_axle *a, const double e[MODELS][CHANNELS], double yaw_rate, bool there, bool out[CHANNELS]);
+bool wrcd_gate_learn(wrcd_axle *a, const double e[MODELS][CHANNELS], double yaw_rate, bool used, const bool out[CHANNELS]);
+bool wrcd_joints_step(wrcd_axle *a, const wrcd_design *d, double lat_accel, bool present, bool *near_pulse);
+bool wrcd_joints_recovering(const wrcd_axle *a);
+extern const double WRCD_MAX_PULSE[CHANNELS];
+void wrcd_noise_step(wrcd_axle *a, const wrcd_design *d, const double z[CHANNELS], bool used);
+void wrcd_noise_sensor_factor(const wrcd_axle *a, double factor[CHANNELS]);
+void wrcd_signals_reset(wrcd_axle *a, const wrcd_design *d);
+
+/* residuals.c: columns of a block's running sums */
+enum {
+    N, HEARD, LIVE, T, TT, SUM_W, SUM_TW = SUM_W + W, SUM_WW = SUM_TW + W, SUM_LAG = SUM_WW + W, SUM_CROSS = SUM_LAG + W,
+    RATIO = SUM_CROSS + MODELS, RATIO_N, RAW_N, SUM_RAW, SUM_RAW2 = SUM_RAW + W, SUMS = SUM_RAW2 + W
+};
+typedef struct {
+    double mean_square[MODELS], lag[W], cross[MODELS], ratio, ticks, heard_share, live_share;
+} window_statistics;
+void wrcd_window_move(wrcd_estimator *e, const wrcd_design *d, int64_t block);
+typedef struct { bool running, heard, live, calm; double ratio; } window_tick;
+void wrcd_window_put(wrcd_estimator *e, const wrcd_design *d, int axle, int64_t tick, const double w[W], const double raw[W],
+                window_tick is);
+void wrcd_window_reset(wrcd_estimator *e, const wrcd_design *d, int axle);
+void wrcd_window_truncate(wrcd_estimator *e, int axle, int blocks);
+int wrcd_window_filled(const wrcd_estimator *e, const wrcd_design *d, int axle);
+/* Sums over the blocks first ... end - 1, counted back from the newest; past_change: what lies before one, too. */
+void wrcd_window_sums(const wrcd_estimator *e, const wrcd_design *d, int axle, int first, int end, bool past_change,
+                 double sums[SUMS]);
+static inline double torque_of(const double sums[SUMS]) { return sums[RATIO] / sums[RATIO_N]; }
+double wrcd_window_torque_now(const wrcd_estimator *e, const wrcd_design *d, int axle);
+void wrcd_window_torque_range(const wrcd_estimator *e, const wrcd_design *d, int axle, int blocks, double range[2]);
+void wrcd_window_statistics_of(const double sums[SUMS], double min_ticks, window_statistics *s);
+void wrcd_window_decades(const double newer[SUMS], const double rest[SUMS], double min_ticks, double decades[MODELS]);
+
+/* rules.c */
+typedef struct { double output, firing, rule_share, spread; int rule; } rules_answer;
+void wrcd_rules_infer(const wrcd_design *d, const double inputs[WRCD_COLUMNS], rules_answer *answer);
+typedef struct { /* of an axle at one moment, whatever the window's length */
+    double now, lasting, range[2], step[MODELS], noise_factor[CHANNELS], floor[MODELS], grid_speed_m_s;
+} rules_moment;
+typedef struct { /* what the rules say of one window: adhesion, and its half-width as a share of it */
+    double mu_pct, spread, inputs[WRCD_COLUMNS];
+    int blocks;
+    window_statistics s;
+    rules_answer rules;
+} window_answer;
+void wrcd_rules_moment(const wrcd_estimator *e, const wrcd_design *d, int axle, double torque_now, rules_moment *m);
+void wrcd_rules_ask(const wrcd_estimator *e, const wrcd_design *d, int axle, const rules_moment *m, int blocks,
+                    window_answer *out);
+void wrcd_rules_ask_both(const wrcd_estimator *e, const wrcd_design *d, int axle, rules_moment *m, window_answer *usual,
+                         window_answer *recent);
+
+/* memory.c */
+static const double SIGMAS = 1.645; /* in the half-width of a 90 % interval */
+enum { PRECISION, WEIGHED, PEAK_PCT, PEAK_AGE_S, ANOTHER }; /* what is remembered */
+typedef struct { double log_pct, sigma; } word;
+word wrcd_memory_word(const window_answer *a);
+word wrcd_memory_spoken(double precision, double weighed, word own, bool whole, double *share);
+bool wrcd_memory_fuse(double memory[WRCD_REMEMBERED], word own, bool whole, word newest, double live_share, double in_use_pct,
+                      double step_s, double speed_m_s);
+void wrcd_memory_changes(wrcd_estimator *e, const wrcd_design *d, int axle);
+void wrcd_memory_remember(wrcd_estimator *e, const wrcd_design *d, int axle, double inputs[WRCD_COLUMNS], double *ratio);
+
+/* health.c */
+void wrcd_pair_step(wrcd_estimator *e, const wrcd_design *d, int axle, const double z[CHANNELS], bool used);
+void wrcd_pair_end_of_tick(wrcd_estimator *e, const wrcd_design *d);
+void wrcd_pair_reset(wrcd_estimator *e, const wrcd_design *d, int axle);
+void wrcd_pair_features(const wrcd_axle *a, double speed_m_s, double ratio, double x[WRCD_PAIR_FEATURES]);
+void wrcd_health_look(wrcd_estimator *e, const wrcd_design *d, const double inputs[][WRCD_COLUMNS], const double *ratio);
+enum { OWN_FEATURES = 3 * WRCD_BANDS + 2 * CHANNELS }; /* of a pair's own signals */
+void wrcd_health_evidence(const wrcd_health_table *h, const double x[WRCD_PAIR_FEATURES], double evidence[WRCD_PAIR_STATES]);
+
+#endif

@@ -1,0 +1,251 @@
+"""The estimator: a thin door to the C (wrcd/core/c), which steps and answers for all axles of a train."""
+
+import ctypes
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, Protocol
+
+import numpy as np
+
+from wrcd.core.design import BoolArray, Design, FloatArray, HealthModel, IntArray
+from wrcd.core.design_members import IN_PLACE, Member, OverSpeed, health_members, members
+from wrcd.core.records import Estimate, HealthFigures, Outliers, StepResult, Tick, Ticks
+from wrcd.core.terms import CHANNELS, COLUMNS, MAX_AXLES, MODELS, PAIR_FEATURES, PairState
+from wrcd.errors import InputError
+from wrcd.native import library
+
+_WHOLE, _FLAGS = ("rule", "winner", "doubt", "regime"), ("saturated", "contradicted")
+
+
+class _Tick(ctypes.Structure):
+    _fields_ = [
+        ("number", ctypes.c_int64), ("speed_m_s", ctypes.c_double), ("z", ctypes.c_void_p),
+        ("present", ctypes.c_void_p), ("torque_ratio", ctypes.c_void_p),
+    ]  # fmt: skip
+
+
+class _SpeedTable(ctypes.Structure):
+    _fields_ = [
+        ("speeds", ctypes.c_int), ("width", ctypes.c_int), ("speed_m_s", ctypes.c_void_p), ("row", ctypes.c_void_p)
+    ]  # fmt: skip
+
+
+class Estimator:
+    """Steps the bank and answers. Never fails on data: what is unknown comes out as NaN. Raises InputError for a design
+    or axles beyond its limits, and where the library is missing.
+
+    Every few ticks the newest part of the window is compared with the rest; where the rail or the torque has changed,
+    the rest is dropped, so that the estimate follows in a fraction of the window and says so by a wider interval. While
+    nothing changes the words on it are fused.
+    """
+
+    def __init__(self, design: Design, axles: int) -> None:
+        self.design, self.axles, self.library = design, axles, (c := library())
+        self._keeps: list[object] = []  # what C has addresses of
+        table = _structure(members(design), self._keeps)
+        self._d = ctypes.byref(table)
+        size = int(c.wrcd_size(self._d, axles))
+        if not size:
+            raise InputError(
+                f"is beyond the estimator's limits with {axles} axles, at most {MAX_AXLES}", file=design.name
+            )
+        axle, train, self._adhesion, result = (_record(c, of) for of in range(4))
+        self._memory = np.zeros(size // 8)
+        first = _offset(train, "axle") // 8
+        self._train = self._memory[: train.itemsize // 8].view(train)[0]
+        self._axle = self._memory[first : first + axles * axle.itemsize // 8].view(axle)
+        self._result = np.zeros(1, dtype=result)
+        self.newest = StepResult(self._result[0], axles)
+        self._z, self._present = np.zeros((CHANNELS, axles)), np.zeros((CHANNELS, axles), dtype=bool)
+        self._ratio = np.zeros(axles)
+        self._tick = _Tick(0, 0.0, *(_address(a) for a in (self._z, self._present, self._ratio)))
+        self._e, self._r, self._t = _address(self._memory), _address(self._result), ctypes.byref(self._tick)
+        self.arguments = self._e, self._d, self._r  # of C's functions that step: state, design, result
+        c.wrcd_begin(self._e, self._d, axles)
+        self.health = PairHealth(self)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "Estimator":
+        twin = memo[id(self)] = Estimator(self.design, self.axles)
+        twin._memory[:] = self._memory
+        return twin
+
+    @property
+    def state(self) -> bytes:
+        """All that it goes on from."""
+        return self._memory.tobytes()
+
+    @property
+    def outliers(self) -> int:
+        """Samples left out so far."""
+        return int(self._train["outliers"])
+
+    @property
+    def started(self) -> BoolArray:
+        """(n,): whether a measurement was used since the last reset."""
+        return np.asarray(self._axle["started"] > 0.0)
+
+    def reset(self, axle: int) -> None:
+        """Start an axle anew: after a gap, a step of time, or a standstill."""
+        self.library.wrcd_reset(self._e, self._d, int(axle))
+
+    def why_reset(self, result: StepResult, yaw_rate: FloatArray, axle: int) -> Outliers:
+        """Of an axle that needs it, after the step (n yaw rates) that showed it and before its reset."""
+        e, why = np.ascontiguousarray(result.innovations[:, :, axle]), np.empty(2 * CHANNELS + 1)
+        self.library.wrcd_gate_why(self._e, axle, _address(e), float(yaw_rate[axle]), _address(why))
+        return Outliers(why[:CHANNELS].tolist(), why[CHANNELS:-1].tolist(), float(why[-1]))
+
+    def step(self, tick: Tick) -> StepResult:
+        """One tick; call reset() for the axles that need it before the next. The result holds until then."""
+        self._tick.number, self._tick.speed_m_s = tick.number, tick.speed_m_s
+        self._z[:], self._present[:], self._ratio[:] = tick.z, tick.present, tick.torque_ratio
+        self.newest.notable = self.library.wrcd_step(self._e, self._d, self._t, self._r) != 0
+        return self.newest
+
+    def run(self, ticks: Ticks, first: int, end: int, resets: bool) -> None:
+        """Step ticks first … end - 1 of them; resets: whether axles are reset that need it."""
+        part = ticks.part(first, end)
+        z, present = np.ascontiguousarray(part.z, np.float64), np.ascontiguousarray(part.present)
+        ratio, speeds = np.ascontiguousarray(part.torque_ratio, np.float64), np.asarray(part.speeds_m_s, np.float64)
+        self.library.wrcd_run(
+            self._e, self._d, part.number, len(part), _address(z), _address(present), _address(ratio),
+            _address(speeds), resets,
+        )  # fmt: skip
+
+    def estimate(self) -> Estimate:
+        """The adhesion that the window's residuals and torque speak for."""
+        out = np.zeros(self.axles, dtype=self._adhesion)
+        self.library.wrcd_estimate(self._e, self._d, _address(out))
+        kinds: dict[str, Any] = dict.fromkeys(_WHOLE, np.int64) | dict.fromkeys(_FLAGS, np.bool_)
+        return Estimate(**{n: out[n].astype(kinds[n]) if n in kinds else out[n] for n in out.dtype.names})
+
+    def torque_now(self) -> FloatArray:
+        """(n,): torque ratio of the moment; NaN where it is not known."""
+        return self._told("wrcd_torque_now", self.axles)
+
+    def inputs_of(self, blocks: IntArray, now: FloatArray) -> FloatArray:
+        """What the rules are given (m, COLUMNS) of windows of so many blocks (m,): all axles with one length after all
+        with another. now (n,): torque ratio of the moment."""
+        m, lengths, torque = len(blocks), np.ascontiguousarray(blocks, np.int64), np.ascontiguousarray(now, np.float64)
+        return self._told("wrcd_inputs_of", m, COLUMNS, given=(m, _address(lengths), _address(torque)))
+
+    def steps(self) -> FloatArray:
+        """Decades (n, 4) by which the newest part's residuals lie above those of the rest of the usual window."""
+        return self._told("wrcd_steps", self.axles, MODELS)
+
+    def features(self) -> FloatArray:
+        """(n, PAIR_FEATURES) that pairs of sensors are judged by, after a look."""
+        return self._told("wrcd_features", self.axles, PAIR_FEATURES)
+
+    def _told(self, question: str, *shape: int, given: tuple[Any, ...] = ()) -> FloatArray:
+        """What a function of the library writes into an array of this shape."""
+        out = np.empty(shape)
+        getattr(self.library, question)(self._e, self._d, *given, _address(out))
+        return out
+
+
+class PairHealth:
+    """What an estimator tells of its pairs of sensors; without a part of the design for it each counts as sound."""
+
+    def __init__(self, of: Estimator) -> None:
+        self._of = of
+
+    @property
+    def state(self) -> IntArray:
+        """(n,): the PairState that leads where a pair is not more likely sound than not."""
+        return np.array([self._of.library.wrcd_pair_state(self._of._e, axle) for axle in range(self._of.axles)])
+
+    @property
+    def log_odds(self) -> FloatArray:
+        """(n, states): over a sound pair's."""
+        return np.array(self._of._axle["log_odds"])
+
+    def figures(self, axle: int) -> HealthFigures:
+        """What an axle's state was found by."""
+        p, figures = np.empty(len(PairState)), np.empty(5)
+        self._of.library.wrcd_health_figures(self._of._e, axle, _address(p), _address(figures))
+        lead, *rest = figures.tolist()
+        return HealthFigures(int(lead), float(p[int(lead)]), float(p[PairState.SOUND]), *rest)
+
+
+def evidence(model: HealthModel, x: FloatArray) -> FloatArray:
+    """(n, states): log of how much likelier features x (n, PAIR_FEATURES) are in each state than of a sound pair."""
+    keeps: list[object] = []
+    table, rows = _structure(health_members(model), keeps), np.ascontiguousarray(x, np.float64)
+    out = np.empty((len(rows), len(PairState)))
+    library().wrcd_evidence(ctypes.byref(table), len(rows), _address(rows), _address(out))
+    return out
+
+
+class Runs(Protocol):
+    """An estimator, or several."""
+
+    def run(self, ticks: Ticks, first: int, end: int, resets: bool) -> None:
+        """As Estimator.run()."""
+
+
+def step_through(estimator: Runs, ticks: Ticks, stops: Iterable[int] = (), resets: bool = False) -> Iterator[int]:
+    """Step any number of ticks; resets: whether axles are reset that need it. Yields after each of the stops, places
+    among the ticks that grow."""
+    first = 0
+    for stop in (*stops, len(ticks) - 1):
+        estimator.run(ticks, first, stop + 1, resets)
+        first = stop + 1
+        yield stop
+
+
+def _address(array: np.ndarray[Any, Any]) -> ctypes.c_void_p:
+    return ctypes.c_void_p(array.ctypes.data)
+
+
+def _offset(record: np.dtype[Any], name: str) -> int:
+    assert record.fields is not None
+    return int(record.fields[name][1])
+
+
+def _record(c: ctypes.CDLL, of: int) -> np.dtype[Any]:
+    """One of C's records as numpy's: each field a number or a row of them."""
+    listed = c.wrcd_fields(of)
+    names, formats, offsets = list[str](), list[Any](), list[int]()
+    while (field := listed[len(names)]).name:
+        is_flag = of == 3 and field.bytes < 8 * MODELS  # of a result: bytes
+        count = field.bytes if is_flag else field.bytes // 8
+        names.append(field.name.decode())
+        formats.append((np.uint8 if is_flag else np.float64, () if count == 1 else (count,)))
+        offsets.append(field.offset)
+    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": field.offset})
+
+
+def _structure(of: Mapping[str, Member], keeps: list[object]) -> Any:
+    """Members as C has them; `keeps` holds what there are only addresses of."""
+    kinds: list[tuple[str, Any]] = []
+    values: list[Any] = []
+    for name, value in of.items():
+        kind, member = _member(name, value, keeps)
+        kinds.append((name, kind))
+        values.append(member)
+    made: ctypes.Structure = type("Members", (ctypes.Structure,), {"_fields_": kinds})(*values)
+    return made
+
+
+def _member(name: str, value: Member, keeps: list[object]) -> tuple[Any, Any]:
+    def pointed(array: np.ndarray[Any, Any]) -> int:
+        flat = np.ascontiguousarray(array)
+        keeps.append(flat)
+        return int(flat.ctypes.data)
+
+    if isinstance(value, OverSpeed):
+        v, rows = value
+        return _SpeedTable, _SpeedTable(len(v), rows.shape[1], pointed(v), pointed(rows))
+    if isinstance(value, tuple):
+        return ctypes.c_void_p * len(value), (ctypes.c_void_p * len(value))(*map(pointed, value))
+    if isinstance(value, np.ndarray):
+        if name in IN_PLACE:
+            kind: Any = (ctypes.c_int if value.dtype == np.int32 else ctypes.c_double) * len(value)
+            return kind, kind(*value.tolist())
+        return ctypes.c_void_p, pointed(value)
+    if isinstance(value, Mapping):
+        inner = _structure(value, keeps)
+        keeps.append(inner)
+        return ctypes.c_void_p, ctypes.addressof(inner)
+    if value is None:
+        return (_SpeedTable, _SpeedTable()) if name == "widening" else (ctypes.c_void_p, None)
+    return (ctypes.c_int if isinstance(value, int) else ctypes.c_double), value

@@ -1,1 +1,0 @@
-"""What the sensors bring beside the track: offsets, noise, joints, absurd values."""
