@@ -16,8 +16,8 @@ from wrcd.core import estimator
 from wrcd.core.design import Design, FloatArray, load_design
 from wrcd.core.estimator import Estimator
 from wrcd.core.records import Tick
+from wrcd.core.terms import MAX_AXLES
 
-MAX_AXLES = 8
 MAX_SIGNAL = np.array([[8.388606], [83.88606]])  # yaw rate, lateral acceleration
 
 
