@@ -106,7 +106,7 @@ def test_an_offset_is_no_pulse(design: Design) -> None:
 
 def test_quieter_than_its_noise_a_sensor_is_judged_by_that_noise(design: Design) -> None:
     """A frozen one that moves by a step of its own: a pulse is five times four fifths of the design's noise."""
-    for height, is_pulse in ((0.9, False), (1.15, True)):
+    for height, is_pulse in ((0.9, False), (1.1, True)):
         a = np.zeros(3000)
         a[AT] = height * 5.0 * 0.8 * RMS / float(design.highpass[:, 0].prod())
         assert found(design, a)[0][AT] == is_pulse
