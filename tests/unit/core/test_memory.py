@@ -105,6 +105,14 @@ def test_newest_part_that_says_twice_that_the_rail_is_another_ends_the_memory(ne
     assert after(one, 1, word(20.0))[ANOTHER] == 0.0
 
 
+@pytest.mark.parametrize(("sigmas", "is_another"), [(-2.1, True), (-1.9, False), (2.4, False), (2.6, True)])
+def test_rail_is_another_sooner_where_it_is_worse(sigmas: float, is_another: bool) -> None:
+    """Standard deviations of both: the newest part's words scatter 1.8 times as far as they say."""
+    memory = after(NOTHING, 500, word(20.0))
+    both = math.hypot(1.8 * 0.1, 1.0 / math.sqrt(memory[PRECISION]))
+    assert (after(memory, 1, word(20.0), recent=word(20.0 * math.exp(sigmas * both)))[ANOTHER] > 0.0) == is_another
+
+
 def test_bound_of_the_last_peak_is_carried_and_erodes_with_time_and_way() -> None:
     peak = after(NOTHING, 1, word(30.0), in_use=28.0)
     held = after(peak, int(HOLD_S / STEP_S), word(30.0), in_use=3.0)
