@@ -10,6 +10,7 @@
 # make soak   HOURS (24) on the virtual clock in one core: nothing grows, drifts or is lost; an hour
 # make coverage  which branches of wrcd/bus, wrcd/core, wrcd/recorder and wrcd/service the tests take, those in the guest too; fails below 95 %
 # make deb    a Debian package with its libraries inside: build/deb
+# make wheels  for x86_64 and aarch64, any Python and any Linux since 2014: dist
 # make bench  what wrcd costs on this computer, against another checkout too (BEFORE=DIR); a minute, asserts nothing
 # make mutants   whether the tests notice changed code in validity and E2E; an hour, see tests/mutants.md
 # where Python is told to write no bytecode, each program that a test starts compiles wrcd anew, and each worker all tests
@@ -20,9 +21,11 @@ BIN := $(VENV)/bin
 READY := $(VENV)/ready
 TESTS := $(VENV)/tests
 TOOLS := build/tools/ready
+ZIG := build/zig/bin/cc
 HIL := -vv -p no:cacheprovider --durations=5
 # after this machine's own
-export PATH := $(PATH):$(CURDIR)/build/tools/bin
+export PATH := $(PATH):$(CURDIR)/build/tools/bin:$(CURDIR)/build/zig/bin
+export ZIG_GLOBAL_CACHE_DIR := $(CURDIR)/build/zig/cache
 
 ifeq ($(firstword $(MAKECMDGOALS)),vcan)
 # The words after it are no targets of ours. make itself takes VAR=x, splits at blanks and drops a leading ./
@@ -37,7 +40,7 @@ vcan:
 Makefile: ;
 else
 
-.PHONY: demo pictures test lint check night corpus unit hil systemd fuzz soak coverage bench mutants format design score docs lock audit clean deb
+.PHONY: demo pictures test lint check night corpus unit hil systemd fuzz soak coverage bench mutants format design score docs lock audit clean deb wheels
 
 demo: $(READY)
 	$(BIN)/sim-ecu demo
@@ -73,6 +76,11 @@ systemd: $(TESTS)
 deb: $(TESTS)
 	$(BIN)/python systemd/deb/build.py
 
+# build/lib*: setuptools would pack what was in the tree once
+wheels: $(READY) $(ZIG)
+	for machine in x86_64 aarch64; do rm -rf build/lib* && WRCD_MACHINE=$$machine PYTHONPATH=build/zig \
+	    $(BIN)/python -m pip wheel -q --disable-pip-version-check --no-deps --no-build-isolation -w dist . || exit; done
+
 # docs/leaf-patch.png, docs/monitor.svg and docs/report.png, from rides that are played for them
 pictures: $(TESTS)
 	$(BIN)/python -m tests.support.pictures
@@ -82,7 +90,7 @@ lint: $(TESTS)
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
-night: $(TESTS)
+night: $(TESTS) $(ZIG)
 	$(BIN)/python -m pytest -n auto --dist=worksteal --durations=5 -vv -m night
 
 # CORPUS="own reverse" these alone; CORPUS="--write FILE" what this commit gives, for CORPUS="--with FILE" of a later one
@@ -149,14 +157,15 @@ docs: $(TESTS)
 	$(BIN)/python -m tests.support.signs_picture
 	$(BIN)/python $(SITE)
 
-LOCK := build/lock/bin/uv pip compile -q --universal --fork-strategy fewest --python-version 3.11 --generate-hashes --no-emit-index-url --no-emit-find-links --no-annotate --no-header pyproject.toml
+LOCK := build/lock/bin/uv pip compile -q --universal --fork-strategy fewest --python-version 3.11 --generate-hashes --no-emit-index-url --no-emit-find-links --no-annotate --no-header
 lock: build/lock/bin/uv
-	$(LOCK) --extra dev -o requirements-tests.lock
-	$(LOCK) -c requirements-tests.lock --extra bench --extra report --extra monitor --group set-up -o requirements.lock
-	$(LOCK) -c requirements-tests.lock -o requirements-train.lock
+	$(LOCK) pyproject.toml --extra dev -o requirements-tests.lock
+	$(LOCK) pyproject.toml -c requirements-tests.lock --extra bench --extra report --extra monitor --group set-up -o requirements.lock
+	$(LOCK) pyproject.toml -c requirements-tests.lock -o requirements-train.lock
+	$(LOCK) --group zig -o requirements-zig.lock
 
 # known weaknesses of the locked packages, asked of the Python Packaging Advisory Database; needs the network
-AUDIT ?= requirements-train.lock requirements.lock requirements-tests.lock
+AUDIT ?= requirements-train.lock requirements.lock requirements-tests.lock requirements-zig.lock
 audit: build/audit/bin/pip-audit
 	build/audit/bin/pip-audit --require-hashes --disable-pip --strict --progress-spinner off $(AUDIT:%=-r %)
 
@@ -177,8 +186,16 @@ $(READY): requirements.lock tests/install.py pyproject.toml setup.py $(wildcard 
 	@command -v $${CC:-cc} >/dev/null || { echo "make: no C compiler; install Debian's packages gcc and libc6-dev" >&2; exit 2; }
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python tests/install.py requirements.lock
+	@command -v $(firstword $(CC)) >/dev/null || $(MAKE) --no-print-directory $(ZIG)
 	$(BIN)/python -m pip install -q --disable-pip-version-check --no-deps --no-build-isolation -e .
 	@touch $@
+
+# where there is no C compiler: zig's, beside the environment
+$(ZIG): requirements-zig.lock
+	$(BIN)/python -m pip install -q --disable-pip-version-check --require-hashes --upgrade --target build/zig -r $< || \
+	    { echo "make: there is no C compiler; install Debian's packages gcc and libc6-dev" >&2; exit 2; }
+	printf '#!/bin/sh\nexec %s/build/zig/ziglang/zig cc -target %s-linux-gnu.2.17 "$$@"\n' '$(CURDIR)' "$$(uname -m)" >$@
+	chmod +x $@
 
 # beside it, what only tests and developers need
 $(TESTS): $(READY) requirements-tests.lock
@@ -186,10 +203,10 @@ $(TESTS): $(READY) requirements-tests.lock
 	@touch $@
 
 # the programs that tests use and this machine lacks
-$(TOOLS): $(TESTS) tests/tools tests/data/programs.txt
+$(TOOLS): tests/tools tests/data/programs.txt
 	-tests/tools fetch
 
 clean:
-	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) build dist wrcd/_native* *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 
 endif

@@ -1,6 +1,7 @@
 """Build the Debian package: the program with the libraries that it was tested with in /opt/wrcd, and its units.
 
-Needs dpkg-deb, gcc and the system's python3, no root. The same tree and SOURCE_DATE_EPOCH give the same bytes.
+Needs dpkg-deb, a C compiler (`make deb` brings one) and the system's python3, no root. The same tree and
+SOURCE_DATE_EPOCH give the same bytes.
 """
 
 import argparse
