@@ -76,7 +76,7 @@ def test_package_has_units_and_program_for_everybody_to_read_and_no_rig(package:
 @NEEDS_DPKG
 def test_package_brings_the_library_in_c(package: Path, tmp_path: Path) -> None:
     subprocess.run(["dpkg-deb", "--extract", package, tmp_path], check=True)
-    (library,) = tmp_path.glob("opt/wrcd/lib/python3.*/site-packages/wrcd/_native*.so")
+    (library,) = tmp_path.glob("opt/wrcd/lib/python3.*/site-packages/wrcd/_native.so")
     done = subprocess.run(
         ["/usr/bin/python3", "-c", "from wrcd import native; print(native.__file__, native.compiler())"],
         cwd=tmp_path, env={"PYTHONPATH": str(library.parents[1])}, capture_output=True, text=True, check=True,

@@ -116,6 +116,15 @@ def test_wheel_serves_every_python_of_its_machine(wheel: Path) -> None:
     assert library(wheel).startswith(b"\x7fELF")
 
 
+def test_build_by_a_compiler_that_fails_fails_and_says_what_to_do(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "setup.py", "-q", "build_ext", "-b", tmp_path],
+        cwd=ROOT, env={**os.environ, "CC": "false"}, capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+    assert done.returncode == 1
+    assert done.stderr.endswith("wrcd: false does not compile: install gcc and libc6-dev, or a wheel\n")
+
+
 @pytest.mark.night
 def test_wheel_in_an_empty_environment_without_a_compiler_replays_the_golden_log_to_its_bytes(
     wheel: Path, tmp_path: Path
