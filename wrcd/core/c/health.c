@@ -286,7 +286,7 @@ void wrcd_health_look(wrcd_estimator *e, const wrcd_design *d, const double inpu
 
     for (int axle = 0; axle < axles; axle++) {
         const wrcd_axle *a = &e->axle[axle];
-        known[axle] = a->pair_ticks >= MIN_SHARE * SPAN_TICKS && a->pair_goes_on > 0.0;
+        known[axle] = a->pair_ticks >= MIN_SHARE * (double)SPAN_TICKS && a->pair_goes_on > 0.0;
         sound[axle] = likely_sound(a);
     }
     for (int axle = 0; axle < axles; axle++) {

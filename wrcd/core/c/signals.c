@@ -124,7 +124,7 @@ bool wrcd_joints_step(wrcd_axle *a, const wrcd_design *d, double lat_accel, bool
     const double square = high * high, usual = greater(a->joints_power, floor_power);
     const bool large = present && square > JOINTS_PULSE_SIGMA * JOINTS_PULSE_SIGMA * usual, before = a->joints_left > 0.0;
     a->joints_length = large ? a->joints_length + 1.0 : before ? a->joints_length : 0.0;
-    a->joints_left = large ? WRCD_HOLD + 1.0 : greater(a->joints_left - 1.0, 0.0);
+    a->joints_left = large ? (double)WRCD_HOLD + 1.0 : greater(a->joints_left - 1.0, 0.0);
     const bool joint = a->joints_length <= JOINTS_MAX_TICKS, pulse = large && joint;
     *near_pulse = a->joints_left > 0.0 && joint;
     a->joints_ticks = lesser(a->joints_ticks + one, 1.0 / JOINTS_GAIN);

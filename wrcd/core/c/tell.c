@@ -45,7 +45,7 @@ static double number(double x) { return isfinite(x) ? x : NAN; }
 
 static int cause_of(const wrcd_lane *k, int standing, const wrcd_adhesion *a)
 {
-    if (standing != 0 || a->doubt != WRCD_NO_DOUBT)
+    if (standing != 0 || a->doubt != (double)WRCD_NO_DOUBT)
         return standing != 0 ? standing : k->of_doubt[(int)a->doubt];
     return !isfinite(a->mu_available_pct) ? k->too_little_data : a->contradicted > 0.0 ? k->contradiction : 0;
 }
@@ -149,7 +149,7 @@ int wrcd_lane_tell(wrcd_lane *k, const wrcd_lane_tables *t, const wrcd_estimator
     for (int axle = 0; axle < k->axles; axle++) {
         memcpy(slot->told[axle], told[axle], WRCD_CAUSE_OF * sizeof(double));
         slot->told[axle][WRCD_CAUSE_OF] = told[axle][WRCD_CAUSE];
-        slot->told[axle][WRCD_IS_SHORT] = k->cause[axle] == k->too_little_data && adhesion[axle].doubt != WRCD_GAPS;
+        slot->told[axle][WRCD_IS_SHORT] = k->cause[axle] == k->too_little_data && adhesion[axle].doubt != (double)WRCD_GAPS;
         k->confidence[axle] = (int32_t)told[axle][WRCD_CONFIDENCE];
     }
     k->out_slots++;
