@@ -41,7 +41,7 @@ class Dask:
         at_any = ["0" if word == PORT else word for word in SCHEDULER]
         self._open = _dask(ROOT, *at_any, "--dashboard-address", "127.0.0.1:0", "--scheduler-file", file)
         self.scheduler = self._open.__enter__()
-        wait_for("the scheduler", WAIT_S, file.exists)
+        wait_for("the scheduler", WAIT_S, lambda: file.exists() and file.read_text().endswith("}"))
         self.address = str(json.loads(file.read_text())["address"])
 
     def workers(self, count: int = 2, sources: Path = ROOT) -> subprocess.Popen[bytes]:
