@@ -23,9 +23,13 @@ TESTS := $(VENV)/tests
 TOOLS := build/tools/ready
 ZIG := build/zig/bin/cc
 HIL := -vv -p no:cacheprovider --durations=5
-# after this machine's own
-export PATH := $(PATH):$(CURDIR)/build/tools/bin:$(CURDIR)/build/zig/bin
+# Where this machine has no C compiler of its own the library is built by zig's: what build/tools brings links to itself
+ifeq ($(shell PATH='$(PATH)'; command -v $(firstword $(CC))),)
+export CC := $(CURDIR)/$(ZIG)
+endif
 export ZIG_GLOBAL_CACHE_DIR := $(CURDIR)/build/zig/cache
+# after this machine's own
+export PATH := $(PATH):$(CURDIR)/build/tools/bin
 
 ifeq ($(firstword $(MAKECMDGOALS)),vcan)
 # The words after it are no targets of ours. make itself takes VAR=x, splits at blanks and drops a leading ./
