@@ -12,7 +12,7 @@
 # make deb    a Debian package with its libraries inside: build/deb
 # make wheels  for x86_64 and aarch64, any Python and any Linux since 2014: dist
 # make bench  what wrcd costs on this computer, against another checkout too (BEFORE=DIR); a minute, asserts nothing
-# make mutants   whether the tests notice changed code in validity and E2E; an hour, see tests/mutants.md
+# make mutants   whether the tests notice each changed number and comparison in the C that decides what is believed; hours
 # where Python is told to write no bytecode, each program that a test starts compiles wrcd anew, and each worker all tests
 unexport PYTHONDONTWRITEBYTECODE
 PYTHON ?= python3
@@ -129,16 +129,9 @@ coverage: $(TESTS)
 bench: $(TESTS)
 	$(BIN)/python -m tests.bench $(if $(BEFORE),--before $(BEFORE))
 
-# on a copy of the tree, with a tool that is kept out of the environment; what is left is explained in tests/mutants.md
-mutants: build/mutants/lib/mutmut
-	rm -rf build/mutants/tree
-	mkdir -p build/mutants/tree
-	cp -r wrcd sim_ecu dbc tests pyproject.toml README.md build/mutants/tree
-	cd build/mutants/tree && export PYTHONPATH=../lib && $(CURDIR)/$(BIN)/python -m mutmut run && \
-	    $(CURDIR)/$(BIN)/python -m mutmut results
-
-build/mutants/lib/mutmut: $(TESTS)
-	$(BIN)/python -m pip install -q --disable-pip-version-check --target build/mutants/lib mutmut==3.8.1
+# what is left is explained in tests/mutants.md
+mutants: $(TESTS)
+	$(BIN)/python -m tests.mutants
 
 format: $(TESTS)
 	$(BIN)/ruff format .
@@ -187,7 +180,6 @@ $(READY): requirements.lock tests/install.py pyproject.toml setup.py $(wildcard 
 	    { echo "make: $(PYTHON) must be Python 3.11 or newer; say which with make PYTHON=..." >&2; exit 2; }
 	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null || \
 	    { echo "make: $(PYTHON) has no venv module; install Debian's package python3-venv" >&2; exit 2; }
-	@command -v $${CC:-cc} >/dev/null || { echo "make: no C compiler; install Debian's packages gcc and libc6-dev" >&2; exit 2; }
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python tests/install.py requirements.lock
 	@command -v $(firstword $(CC)) >/dev/null || $(MAKE) --no-print-directory $(ZIG)

@@ -6,7 +6,6 @@ machine that it names: `make wheels`. Where nothing compiles, nothing is install
 
 import os
 import platform
-import runpy
 import shlex
 import shutil
 import subprocess
@@ -16,6 +15,10 @@ from pathlib import Path
 from setuptools import Extension, setup
 from setuptools.command.bdist_wheel import bdist_wheel
 from setuptools.command.build_ext import build_ext
+
+sys.path.insert(0, str(Path(__file__).parent))  # this tree's wrcd, whichever is installed
+
+from wrcd.native import sources as digest
 
 MACHINE = os.environ.get("WRCD_MACHINE")
 CC = shlex.split(os.environ.get("CC") or "cc")
@@ -54,10 +57,6 @@ class Wheel(bdist_wheel):
         return "py3", "none", manylinux if ZIG else super().get_tag()[2]
 
 
-sys.path.insert(0, str(Path(__file__).parent))  # this tree's wrcd, whichever is installed
-
-from wrcd.native import sources as digest
-
 sources = [str(p) for p in sorted(Path().glob("wrcd/*/c/*"))]
 setup(
     ext_modules=[
@@ -65,7 +64,7 @@ setup(
             "wrcd._native",
             [name for name in sources if name.endswith(".c")],
             depends=sources,
-            define_macros=[("WRCD_SOURCES", f'"{compiled_from}"')],
+            define_macros=[("WRCD_SOURCES", f'"{digest()}"')],
             include_dirs=sorted({str(Path(name).parent) for name in sources}),
         )
     ],

@@ -20,7 +20,7 @@ import can
 import cantools
 from cantools.database.can import Database
 
-from wrcd.bus.e2e import Checker
+from wrcd.core.reading import Checker
 
 DBC = Path(__file__).parents[1] / "dbc" / "wrcd.dbc"
 TIMEOUT_S = 0.06  # three cycles: an estimate that is older is none

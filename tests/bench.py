@@ -23,6 +23,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, suppress
 from itertools import count, groupby, takewhile
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 AXLES = (1, 2, 4, 6, 8)
@@ -85,14 +86,16 @@ def core(frames_file: str, config_file: str) -> int:
     from wrcd.config.config import load_config
     from wrcd.core.core import Core
 
-    made = Core(load_config(Path(config_file)))
-    made.explains = False
+    made: Any = Core(load_config(Path(config_file)))
+    feed = made.feed
+    if hasattr(made, "feed_batch"):  # of a tree whose ticks in C are asked for
+        made.explains, feed = False, made.feed_batch
     start_us, length_us, rows = json.loads(Path(frames_file).read_text())
     ticks = [[(at, i, bytes.fromhex(data)) for at, i, data in tick] for tick in rows]
     again = (start_us + turn * length_us for turn in count())
     source = (FrameBatch.of([Frame(us + at, i, data) for at, i, data in tick]) for us in again for tick in ticks)
     for _ in range(WARM_UP_TICKS):  # the longest window is full, the matrices' nodes are made
-        made.feed_batch(next(source))
+        list(feed(next(source)))
     gc.collect()
     gc.freeze()  # as the daemon does
     print(Path(wrcd.__file__).parents[1], flush=True)
@@ -100,7 +103,7 @@ def core(frames_file: str, config_file: str) -> int:
         block = [next(source) for _ in range(BLOCK_TICKS)]
         begin = time.thread_time_ns()
         for batch in block:
-            made.feed_batch(batch)
+            list(feed(batch))
         print(time.thread_time_ns() - begin, flush=True)
     return 0
 

@@ -93,8 +93,7 @@ class Faults:
 
 def feed(core: Core, tick: Tick, tick_us: int) -> list[tuple[int, int, bytes]]:
     """The Adhesion frames that a core makes of a tick, as the daemon's."""
-    core.explains = False
-    out = core.advance(tick_us) + core.feed_batch(FrameBatch.of([Frame(tick_us + at, i, d) for at, i, d in tick]))
+    out = *core.advance(tick_us), *core.feed(FrameBatch.of([Frame(tick_us + at, i, d) for at, i, d in tick]))
     return [(o.frame.stamp_us, o.frame.can_id, o.frame.data) for o in out if o.frame.can_id in ADHESION]
 
 

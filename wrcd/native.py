@@ -1,7 +1,6 @@
 """The library in C: built with the package by a C compiler, and loaded when it is first used."""
 
 import ctypes
-import math
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
@@ -11,19 +10,19 @@ from wrcd.errors import InputError
 
 _FOLDER = Path(__file__).parent
 _HINT = "install wrcd anew: it needs a C compiler, such as gcc"
+_pointer, _int, _long, _double = ctypes.c_void_p, ctypes.c_int, ctypes.c_int64, ctypes.c_double
+_text, _size = ctypes.c_char_p, ctypes.c_size_t
 
 
 class _Field(ctypes.Structure):
-    _fields_ = [("name", ctypes.c_char_p), ("offset", ctypes.c_size_t), ("bytes", ctypes.c_size_t)]
+    _fields_ = [("name", _text), ("type", _text), ("offset", _size), ("bytes", _size)]
 
 
-_pointer, _int, _long, _double = ctypes.c_void_p, ctypes.c_int, ctypes.c_int64, ctypes.c_double
 _SIGNATURES: tuple[tuple[str, Any, *tuple[Any, ...]], ...] = (
-    ("wrcd_sources", ctypes.c_char_p),
-    ("wrcd_compiler", ctypes.c_char_p),
-    ("wrcd_constant", _double, ctypes.c_char_p),
-    ("wrcd_fields", ctypes.POINTER(_Field), _int),
-    ("wrcd_size", ctypes.c_size_t, _pointer, _int),
+    ("wrcd_sources", _text),
+    ("wrcd_compiler", _text),
+    ("wrcd_constant", _double, _text),
+    ("wrcd_size", _size, _pointer, _int),
     ("wrcd_begin", None, _pointer, _pointer, _int),
     ("wrcd_reset", None, _pointer, _pointer, _int),
     ("wrcd_step", _int, _pointer, _pointer, _pointer, _pointer),
@@ -37,10 +36,20 @@ _SIGNATURES: tuple[tuple[str, Any, *tuple[Any, ...]], ...] = (
     ("wrcd_steps", None, _pointer, _pointer, _pointer),
     ("wrcd_features", None, _pointer, _pointer, _pointer),
     ("wrcd_evidence", None, _pointer, _int, _pointer, _pointer),
+    ("wrcd_record_name", _text, _int),
+    ("wrcd_record_fields", ctypes.POINTER(_Field), _int),
+    ("wrcd_told_name", _text, _int),
+    ("wrcd_core_begin", None, _pointer),
+    ("wrcd_feed", _long, _pointer, _pointer, _text, _long, _long, _long),
+    ("wrcd_advance", _int, _pointer, _pointer, _long),
+    ("wrcd_shutdown", None, _pointer, _pointer, _long),
+    ("wrcd_next_slot_us", _long, _pointer),
+    ("wrcd_read", _long, _pointer, _text, _long, _long, _int, _pointer, _pointer),
+    ("wrcd_forget_senders", None, _pointer),
+    ("wrcd_e2e_check", _int, _pointer, _int, _text, _int, _long),
+    ("wrcd_repeats_doubted", _int, _double),
     ("wrcd_receive", _int, _int, _pointer, _int, _long, _pointer, _int, _pointer),
     ("wrcd_send", _int, _int, _pointer, _int),
-    ("wrcd_lane_run", _int, *(_pointer,) * 6, _long, _pointer),
-    ("wrcd_lane_bytes", _int, _int),
 )
 
 
@@ -67,15 +76,12 @@ def load(file: Path) -> ctypes.CDLL:
 
 
 @cache
-def _found() -> tuple[ctypes.CDLL | None, str]:
-    if os.environ.get("WRCD_ENGINE") == "reference":
-        return None, "WRCD_ENGINE asks for the reference"
-    why = "none was built"
-    for file in _FOLDER.glob("_native.so"):  # of any Python: it uses none
-        c, why = load(file)
-        if c is not None:
-            return c, why
-    return None, why
+def library() -> ctypes.CDLL:
+    """The library that was built with the package. Raises InputError where there is none that fits."""
+    file = _FOLDER / "_native.so"
+    if not file.exists():
+        raise InputError("the library in C was not built", file=_FOLDER, hint=_HINT)
+    return load(file)
 
 
 def compiler() -> str:
@@ -86,5 +92,5 @@ def compiler() -> str:
 def constant(name: str) -> float:
     """A number that C defines, by its name there."""
     value = float(library().wrcd_constant(name.encode()))
-    assert not math.isnan(value), name
+    assert value == value, name  # not NaN
     return value

@@ -12,7 +12,6 @@ from sim_ecu.play.encoder import SAMPLE_US, Channel, Sent
 from sim_ecu.play.mapped import Train
 from sim_ecu.play.play import LOG_START_US
 from sim_ecu.play.train import PACKAGED
-from wrcd.bus.batch import FrameBatch
 from wrcd.bus.frame import Frame
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
@@ -57,8 +56,6 @@ class Lockstep:
         train: Train = PACKAGED, timing: Timing = ON_TIME,
     ) -> None:  # fmt: skip
         self.core = None if config is None else Core(config)
-        if self.core is not None:
-            self.core.explains = False
         wrcd = [WRCD] if sensors or config is not None else []
         self.rig = Rig(scenario, [LOOP, *wrcd, *([TRUTH] if truth else [])], train)
         self._controller, self._frame = controller, frame
@@ -101,7 +98,7 @@ class Lockstep:
         if self.core is None:
             return
         frame = Frame(LOG_START_US + f.due_us, f.can_id, f.data, f.extended, error=f.error)
-        for out in self.core.feed_batch(FrameBatch.of([frame])):
+        for out in self.core.feed(frame):
             self._send(out.frame.can_id, out.frame.data, out.frame.stamp_us - LOG_START_US)
 
     def _send(self, can_id: int, data: bytes, stamp_us: int) -> None:

@@ -71,7 +71,7 @@ def _play(
         observer_bus = cleanup.enter_context(pythoncan.open_bus(interface, channel, user_settings=True, **fd))
         observer = BusObserver(observer_bus, log, channel, config, numbers, pace)
         cleanup.callback(observer.close)
-        link = open_link(interface, channel, core.receiver.keys, fd=core.receiver.fd, user_settings=True)
+        link = open_link(interface, channel, core.mapped.keys, fd=core.mapped.fd, user_settings=True)
         cleanup.callback(link.close)
         own_stamps = {"preserve_timestamps": True} if interface == "virtual" else {}
         rig_bus = cleanup.enter_context(open_bus(interface, channel, train.has_fd, **own_stamps))

@@ -1,9 +1,10 @@
 """One run of a score: rig -> frames -> daemon's core -> frames, and the baselines on the very same ticks."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import islice
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,14 +17,10 @@ from sim_ecu.play.player import LARGE_CHUNK, Player
 from sim_ecu.play.train import PACKAGED
 from sim_ecu.score.baselines import Baseline, GivenTicks
 from sim_ecu.score.suites.run import Run
-from wrcd.bus.batch import FrameBatch
 from wrcd.bus.frame import Frame
 from wrcd.core.configuration import Config
-from wrcd.core.core import Core, Observer
-from wrcd.core.design import Design
-from wrcd.core.messages import Outgoing
-from wrcd.core.records import StepResult, Tick
-from wrcd.core.terms import MAX_AXLES
+from wrcd.core.core import Core
+from wrcd.core.terms import CHANNELS, MAX_AXLES
 from wrcd.core.vocabulary import CONFIDENCES, MESSAGES, Words
 from wrcd.logs.decoder import UNKNOWN, MessageDecoder, Values, decoders
 
@@ -113,34 +110,32 @@ class Trace:
     beside: dict[str, "Trace"] = field(default_factory=dict)  # of other designs on the same frames, by name
 
 
-class TickRecorder(Observer):
-    """What the train's estimator is given, kept for the baselines: an observer of the core."""
+class TickRecorder:
+    """What the train's estimator is given, kept for the baselines."""
 
-    def __init__(self, design: Design) -> None:
-        self._design = design
-        self.ticks: list[Tick] = []
+    def __init__(self, config: Config) -> None:
+        self._design, self._axles = config.design, len(config.axles)
+        self.ticks: list[NDArray[Any]] = []
 
-    def stepped(self, tick: Tick, result: StepResult) -> None:
-        """Keep the tick."""
-        self.ticks.append(tick)
+    def take(self, ticks: NDArray[Any]) -> None:
+        """Keep ticks of the core."""
+        self.ticks.append(ticks)
 
     def all(self) -> GivenTicks:
         """Everything so far."""
+        t = np.concatenate(self.ticks)
+        z, present = (t[name].reshape(len(t), CHANNELS, MAX_AXLES)[..., : self._axles] for name in ("z", "present"))
         return GivenTicks(
-            z=np.stack([t.z for t in self.ticks]),
-            present=np.stack([t.present for t in self.ticks]),
-            torque_ratio=np.stack([t.torque_ratio for t in self.ticks]),
-            speed_m_s=np.array([t.speed_m_s for t in self.ticks]),
-            tick_s=self._design.tick_s,
-            number=np.array([t.number for t in self.ticks]),
-        )
+            z=z, present=present > 0, torque_ratio=t["torque_ratio"][:, : self._axles], speed_m_s=t["speed_m_s"],
+            tick_s=self._design.tick_s, number=t["number"],
+        )  # fmt: skip
 
 
 class Listener:
     """A core that is fed the frames of a run, and what someone on its bus receives."""
 
-    def __init__(self, run: Run, config: Config, observer: Observer | None = None) -> None:
-        self._run, self._core, self._is_observed = run, Core(config, observer=observer), observer is not None
+    def __init__(self, run: Run, config: Config, recording: TickRecorder | None = None) -> None:
+        self._run, self._core = run, Core(config, ticks=None if recording is None else recording.take)
         self._kept = TrainFrames([a.number for a in run.scenario.axles], config)
         self._half_widths: dict[int, FloatArray] = {}
 
@@ -149,19 +144,13 @@ class Listener:
         for f in frames:
             if not f.error:
                 self._kept.keep(f.due_us, f.can_id, f.data)
-        for out in self._fed([_stamped(f) for f in frames]):
-            due_us = out.frame.stamp_us - LOG_START_US
-            self._kept.keep(due_us, out.frame.can_id, out.frame.data)
-            if out.why is not None:
-                self._half_widths[due_us] = out.why.half_width_pp
-
-    def _fed(self, frames: Sequence[Frame]) -> Iterator[Outgoing]:
-        """What the core makes of them: in C where nobody sees its ticks, and frames are classical."""
-        if self._is_observed or any(f.fd for f in frames):
-            for f in frames:
-                yield from self._core.feed(f)
-        else:
-            yield from self._core.feed_batch(FrameBatch.of(frames))
+        made = self._core.feed([_stamped(f) for f in frames])
+        for out in made:
+            self._kept.keep(out.frame.stamp_us - LOG_START_US, out.frame.can_id, out.frame.data)
+        slots = made.reports.reshape(-1, len(self._core.config.axles))
+        widths = np.where(slots["has_estimate"] > 0, slots["estimate"]["half_width_pp"], np.nan)
+        times_us = slots["time_us"][:, 0] - LOG_START_US
+        self._half_widths.update(zip(times_us.tolist(), widths, strict=True))
 
     def traces(self) -> list[Trace]:
         """An entry for each axle."""
@@ -179,7 +168,7 @@ def play(
     """Play a run and gather what came on the bus, an entry for each axle. train: whose messages the configurations map.
     beside: other designs' names and configurations, whose cores are fed the same frames.
     Raises InputError for a fault or an axle that they leave no way to."""
-    recording = TickRecorder(config.design) if baselines else None
+    recording = TickRecorder(config) if baselines else None
     ours, others = Listener(run, config, recording), {name: Listener(run, other) for name, other in beside}
     listeners = [ours, *others.values()]
     samples = iter(Player(run.scenario, chunk=LARGE_CHUNK, train=train))

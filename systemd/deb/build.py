@@ -128,7 +128,7 @@ def _program(tree: Path, site: Path, python: str) -> None:
     shutil.copytree(site, packages, ignore=shutil.ignore_patterns("__pycache__", "tests"))
     shutil.rmtree(packages / "bin", ignore_errors=True)
     if not (packages / "wrcd/_native.so").exists():
-        raise SystemExit(f"{site} has no compiled estimator: install gcc and libc6-dev, and build it again")
+        raise SystemExit(f"{site} has no library in C: install gcc and libc6-dev, and build it again")
     (home / "bin").mkdir()
     (home / "bin" / f"python{python}").symlink_to(f"/usr/bin/python{python}")
     (home / "bin/python3").symlink_to(f"python{python}")

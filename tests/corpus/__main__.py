@@ -9,6 +9,7 @@ import argparse
 import json
 import sys
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import nullcontext
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -20,12 +21,12 @@ RECORDED = Path(__file__).with_name("digests.json")
 Digests = dict[str, dict[str, str]]
 
 
-def made(wanted: list[Recipe]) -> Digests:
-    """The digests of recipes by their names, on every core."""
+def made(wanted: list[Recipe], here: bool) -> Digests:
+    """The digests of recipes by their names, on every core or in this process."""
     progress = Progress()
-    with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
+    with nullcontext() if here else ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
         out: Digests = {}
-        for recipe, found in zip(wanted, pool.map(digests_of, wanted), strict=True):
+        for recipe, found in zip(wanted, (map if pool is None else pool.map)(digests_of, wanted), strict=True):
             out[recipe.name] = found
             progress.at(recipe.name, len(out) / len(wanted))
     progress.end()
@@ -53,12 +54,13 @@ def main() -> int:
     parser.add_argument("words", nargs="*", help="only recipes whose name has one of these words")
     parser.add_argument("--with", dest="recorded", type=Path, default=RECORDED, help="compare with this file")
     parser.add_argument("--write", type=Path, help="record what is made in this file, and compare nothing")
+    parser.add_argument("--here", action="store_true", help="in this process")
     args = parser.parse_args()
     wanted = [r for r in recipes() if not args.words or any(w in r.name for w in args.words)]
     assert len({r.name for r in wanted}) == len(wanted)
     if not wanted:
         parser.error(f"no recipe's name has {' or '.join(args.words)}")
-    found = made(wanted)
+    found = made(wanted, args.here)
     if args.write is not None:
         rows = (f"{json.dumps(name)}: {json.dumps(found[name])}" for name in sorted(found))
         args.write.write_text("{\n" + ",\n".join(rows) + "\n}\n")

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from wrcd.bus.e2e import COUNTER_MODULO, protect
 from wrcd.bus.frame import Frame
 
-STAMPS = st.integers(0, 10_000_000_000_000_000)
+STAMPS = st.integers(-1_000_000_000_000_000, 10_000_000_000_000_000)
 # What people and programs put where something else belongs: sizes that overflow, no numbers, empty and foreign text.
 NASTY = (
     "", "0", "-1", "1", "2.5", "1e400", "-1e308", "1e-320", "nan", "inf", "9" * 30, "9" * 400, "true", "null", '"', "'",

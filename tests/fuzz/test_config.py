@@ -112,7 +112,7 @@ def survives(config: Config, payloads: list[bytes]) -> None:
     lengths = {message_key(m): m.length for m in config.database.messages}
     fed = 0
     for k, payload in enumerate(payloads):
-        for key in core.receiver.keys:
+        for key in core.mapped.keys:
             data = (payload * 64)[: lengths[key]] if payload else bytes(lengths[key])
             frame = Frame(START_US + 7_000 * k, key & ~EXTENDED, data, extended=bool(key & EXTENDED))
             for o in core.feed(frame):

@@ -6,6 +6,7 @@ The window is a little more than a tenth of a second here: a sequence of a few s
 import bisect
 import struct
 from collections import Counter, deque
+from collections.abc import Sequence
 from dataclasses import replace
 
 from hypothesis import settings
@@ -15,20 +16,20 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 from tests.fuzz.strategies import near_frames
 from tests.support.can_ids import ADHESION, ADHESION_A1, LAT_ACCEL_A1, TORQUE_A1, VEHICLE_SPEED, YAW_RATE_A1
 from tests.support.sensor_simulator import SensorSimulator
-from wrcd.bus.codec import Receiver
 from wrcd.bus.e2e import protect
 from wrcd.bus.frame import Frame
 from wrcd.config.config import load_config
-from wrcd.core.messages import Outgoing
-from wrcd.core.validity import BRIDGED_TICKS
+from wrcd.core.reading import Receiver
+from wrcd.core.reports import Outgoing
 
 WINDOW_US, TICK_US, SLOT_US = 120_000, 5_000, 20_000
+BRIDGED_TICKS = 8  # past a time-out
 _DEFAULT = load_config(None)
 CONFIG = replace(_DEFAULT, design=replace(_DEFAULT.design, window_s=WINDOW_US * 1e-6, recent_s=0.05))
 LENGTHS = {
     m.frame_id: m.length
     for m in CONFIG.database.messages
-    if m.frame_id in Receiver(CONFIG.database, [i.source for i in CONFIG.inputs]).keys
+    if m.frame_id in Receiver(CONFIG.database, [i.source for i in CONFIG.inputs]).mapped.keys
 }
 # of what axle 1 needs
 TIMEOUTS_US = {YAW_RATE_A1: 15_000, LAT_ACCEL_A1: 15_000, TORQUE_A1: 30_000, VEHICLE_SPEED: 60_000}
@@ -124,7 +125,7 @@ class Day(RuleBasedStateMachine):
         if self.core.counts.accepted > accepted and frame.can_id in self.came:
             self.came[frame.can_id].append(frame.stamp_us)
 
-    def out(self, out: list[Outgoing], now_us: int) -> None:
+    def out(self, out: Sequence[Outgoing], now_us: int) -> None:
         """Judge what was sent up to a time."""
         self.passed_us += max(now_us - self.newest_us, 0)
         if now_us < self.newest_us - 10_000:

@@ -12,6 +12,7 @@ import math
 import os
 import struct
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import pytest
@@ -23,7 +24,7 @@ from wrcd.config.config import load_config
 from wrcd.contract.frames import HALF_WIDTHS
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
-from wrcd.core.messages import Outgoing
+from wrcd.core.reports import Outgoing
 
 FRAMES = int(os.environ.get("FRAMES", 1_000_000))
 PER_TICK = 40  # corrupted ones; good ones are ten on average
@@ -84,7 +85,7 @@ class CounterLog:
         if self._after_accepted.get(i):
             s.longest = max(s.longest, self._run[i])
 
-    def _check(self, out: list[Outgoing]) -> None:
+    def _check(self, out: Sequence[Outgoing]) -> None:
         for o in out:
             if o.frame.can_id in self._adhesion:
                 validity, mu = _read(o.frame)
@@ -95,7 +96,7 @@ class CounterLog:
         for report in self.core.reports:
             assert all(math.isfinite(x) for x in (report.mu_available_pct or 0.0, report.mu_used_pct or 0.0))
 
-    def _compare(self, out: list[Outgoing]) -> None:
+    def _compare(self, out: Sequence[Outgoing]) -> None:
         """The clean run's frames with those of the other, which come first or with the same frame."""
         s = self.seen
         for o in out:

@@ -14,7 +14,7 @@ from wrcd.bus.e2e import crc
 from wrcd.bus.frame import Frame
 from wrcd.config.config import load_config
 from wrcd.core.core import Core
-from wrcd.core.messages import Outgoing
+from wrcd.core.reports import Outgoing
 from wrcd.logs.damage import Damage
 from wrcd.logs.reader import read_log
 from wrcd.service.journal import sent_messages
@@ -177,7 +177,7 @@ class Episode:
     @cached_property
     def inputs(self) -> list[Frame]:
         """What the daemon must have received of the bus."""
-        keys, fd = self.replayed.core.receiver.keys, self.replayed.core.receiver.fd
+        keys, fd = self.replayed.core.mapped.keys, self.replayed.core.mapped.fd
         return [f for f in self.frames if f.key in keys and not f.error and (fd or not f.fd)]
 
     def between(self, begin: str, end: str) -> list[Frame]:
@@ -206,14 +206,14 @@ class Replayed:
     def __init__(self, episode: Episode, frames: Sequence[Frame]) -> None:
         self.core = Core(episode.config)
         self.data: dict[Slot, bytes] = {}
-        keys, ahead_us, coming = self.core.receiver.keys, END_US, list[int]()  # when the next input is to come
+        keys, ahead_us, coming = self.core.mapped.keys, END_US, list[int]()  # when the next input is to come
         for f in reversed(frames):
             coming.append(ahead_us)
             ahead_us = f.stamp_us if f.key in keys and not f.error else ahead_us
         for (times, f), next_us in zip(episode.times_set(frames), reversed(coming), strict=True):
-            if f.fd and not self.core.receiver.fd:
+            if f.fd and not self.core.mapped.fd:
                 continue  # its socket lets none in
-            made = self._closed(episode, f, next_us) if episode.is_own(f) else self.core.feed(f)
+            made: Sequence[Outgoing] = self._closed(episode, f, next_us) if episode.is_own(f) else self.core.feed(f)
             for o in made:
                 self.data[o.frame.can_id, o.frame.stamp_us // o.cycle_us, times] = o.frame.data
 

@@ -31,6 +31,7 @@ from wrcd.bus.frame import Frame
 from wrcd.config.config import load_config
 from wrcd.config.packaged_designs import design_path
 from wrcd.core.core import Core
+from wrcd.core.reports import Outgoing
 from wrcd.progress import Progress
 from wrcd.resources import LONE
 from wrcd.service.journal import CounterLog
@@ -173,20 +174,15 @@ class Matrix:
         self._seed = scenario.axles[0].seed
         self._samples: list[SensorSample] = list(Player(scenario).measured())
         core = Core(load_config(None, design_file=design_path(LONE)))
-        # what all copies of the core share
-        self._shared = {id(x): x for x in (core.config, *core.config.database.messages)}
         self._message = databases()[0].get_message_by_name("Adhesion_A1")
         self._before: dict[float, Core] = {}
         sent, since_s = [], 0.0
         for begin_s in sorted(begins_s):
             sent += self.sent(core, (), since_s, begin_s)
-            self._before[begin_s] = self._copy(core)
+            self._before[begin_s] = copy.deepcopy(core)
             since_s = begin_s
         sent += self.sent(core, (), since_s, scenario.duration_s)
         self._without = {s.slot: s.mu_pct for s in sent if s.valid and s.mu_pct is not None}
-
-    def _copy(self, core: Core) -> Core:
-        return copy.deepcopy(core, dict(self._shared))
 
     def sent(
         self,
@@ -199,7 +195,7 @@ class Matrix:
         """Return axle 1's adhesion frames of a core that has had all up to since_s and is fed the rest. look gets the
         time after every half sample, as after every turn of the loop."""
         first, last = (math.ceil(round(t * 1e6) / SAMPLE_US) - 1 for t in (since_s, until_s))
-        samples, out = self._samples[max(first, 0) : last], []
+        samples, out = self._samples[max(first, 0) : last], list[Outgoing]()
         for due_us, frames in inject(samples, faults, self._numbers, self._seed, truth=False):
             for f in frames:
                 out += core.feed(Frame(LOG_START_US + f.due_us, f.can_id, f.data, error=f.error))
@@ -222,7 +218,7 @@ class Matrix:
         fault = replace(row.fault, at_s=begin_s)
         # what is found out in the sensors' signals is not judged afterwards
         until_s = begin_s + fault.duration_s + (0.0 if isinstance(row.must, Found) else AFTER_S)
-        core, lines = self._copy(self._before[begin_s]), list[str]()
+        core, lines = copy.deepcopy(self._before[begin_s]), list[str]()
         link: Any = SimpleNamespace(health=core.health.link)  # all that the journal looks at
         journal = CounterLog(core, link, lines.append)
         journal.look(LOG_START_US + fault.begin_us - 2_000_000)  # what has been reported before

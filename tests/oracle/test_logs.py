@@ -2,6 +2,7 @@
 
 import random
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,9 +13,11 @@ from tests.oracle.comparison import Comparison
 from tests.oracle.live_filters import LiveFilters, Models
 from tests.support.scenarios import FOUR_AXLES, LogOf, held
 from wrcd.config.config import load_config
-from wrcd.core.core import Core, Observer
+from wrcd.core.configuration import Config
+from wrcd.core.core import Core
 from wrcd.core.estimator import Estimator
-from wrcd.core.records import Estimate, StepResult, Tick
+from wrcd.core.records import StepResult, Tick
+from wrcd.core.terms import CHANNELS, MAX_AXLES
 from wrcd.logs.damage import Damage
 from wrcd.logs.reader import read_log
 
@@ -30,23 +33,41 @@ joint_m_s2 = 1.0
 LOGS = {"held": held("C", 4.0), "ramp, joints, another rail": RAMP_OVER_JOINTS, "four axles": FOUR_AXLES}
 
 
-class Beside(Observer):
-    """Shown the ticks of a core: the oracle beside it, and live filters of the same measurements."""
+EVERY_TICKS = 4  # of an estimate
 
-    def __init__(self, estimator: Estimator, design_file: Path) -> None:
-        models = Models(load_source(design_file))
-        self.both = Comparison(estimator)
-        self._live = [LiveFilters(models) for _ in range(estimator.axles)]
+
+class Beside:
+    """Shown the ticks of a core: an estimator with its oracle beside it, and live filters of the same measurements."""
+
+    def __init__(self, config: Config) -> None:
+        self._axles = len(config.axles)
+        models = Models(load_source(config.design_file))
+        self._estimator = Estimator(config.design, self._axles)
+        self.both = Comparison(self._estimator)
+        self._live = [LiveFilters(models) for _ in range(self._axles)]
         self.innovations: list[NDArray[np.float64]] = []
         self.live: list[NDArray[np.float64]] = []  # of filters that carry their covariances
         self.fuzzy: list[float] = []
         self.partial = 0  # ticks of which an axle's only channel, or an absurd sample, was left out
 
-    def was_reset(self, axle: int) -> None:
+    def take(self, ticks: NDArray[Any]) -> None:
+        """Ticks of the core, as it has them."""
+        for t in ticks:
+            for axle in range(self._axles):
+                if t["were_reset"] >> axle & 1:
+                    self._reset(axle)
+            z, present = (t[name].reshape(CHANNELS, MAX_AXLES)[:, : self._axles] for name in ("z", "present"))
+            ratio = t["torque_ratio"][: self._axles]
+            self._step(Tick(int(t["number"]), z, present > 0, ratio, float(t["speed_m_s"])), t["result"])
+
+    def _reset(self, axle: int) -> None:
+        self._estimator.reset(axle)
         self.both.reset(axle)
         self._live[axle].reset()
 
-    def stepped(self, tick: Tick, result: StepResult) -> None:
+    def _step(self, tick: Tick, of_core: Any) -> None:
+        result = self._estimator.step(tick)
+        assert np.array_equal(result.whitened, StepResult(of_core, self._axles).whitened)
         expected, oracle = self.both.stepped(tick, result), self.both.oracle
         used = expected.accepted
         self.partial += int((tick.present.any(axis=0) & ~used).sum())
@@ -55,18 +76,17 @@ class Beside(Observer):
             if used[axle]:
                 self.innovations.append(result.innovations[:, :, axle])
                 self.live.append(carried)
-
-    def estimated(self, tick: int, estimate: Estimate) -> None:
-        self.both.estimated(estimate)
-        self.fuzzy += estimate.fuzzy[np.isfinite(estimate.fuzzy)].tolist()
+        if tick.number % EVERY_TICKS == 0:
+            estimate = self._estimator.estimate()
+            self.both.estimated(estimate)
+            self.fuzzy += estimate.fuzzy[np.isfinite(estimate.fuzzy)].tolist()
 
 
 def beside(log: Path) -> Beside:
     """All of them over a log; raises AssertionError where they differ."""
     config = load_config(None)
-    estimator = Estimator(config.design, len(config.axles))
-    found = Beside(estimator, config.design_file)
-    core = Core(config, estimator, found)
+    found = Beside(config)
+    core = Core(config, ticks=found.take)
     for frame, _ in read_log(log, Damage()):
         core.feed(frame)
     ours, live = np.array(found.innovations), np.array(found.live)

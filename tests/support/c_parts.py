@@ -35,7 +35,7 @@ class Part:
 
     def __init__(self, axles: int, design: Design | None = None) -> None:
         self.estimator = Estimator(load_design(LONE_DESIGN) if design is None else design, axles)
-        self.e, self.d, _ = self.estimator.arguments
+        self.e, self.d, _ = map(ctypes.c_void_p, self.estimator.addresses)
         self.state, self.axles = self.estimator._axle, axles
 
     def of(self, axle: int) -> ctypes.c_void_p:

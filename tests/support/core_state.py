@@ -5,21 +5,16 @@ from typing import Any
 
 import numpy as np
 
+from wrcd.core.core import Core
 from wrcd.core.estimator import Estimator
 
 PACKAGES = ("wrcd.bus.", "wrcd.core.")
-# What nothing later hangs on, by class: caches, results made anew, what borrows from the rest.
-PASSING = {
-    "Core": {"explains", "_lane", "_reports", "_tick", "_begin_us", "_end_us"},
-    "Events": {"total", "_kept"},
-    "Inputs": {"_shares_known", "_shares_ok"},
-    "JumpCheck": {"jumped"},
-    "Writer": {"_start"},
-}
 
 
 def state(thing: Any) -> Any:
-    """As plain values. The estimator's is C's own; what is frozen or not ours is left out."""
+    """As plain values; what is frozen or not ours is left out."""
+    if isinstance(thing, Core):
+        return of_core(thing)
     if isinstance(thing, Estimator):
         return thing.state
     if isinstance(thing, np.ndarray):
@@ -40,5 +35,14 @@ def parts(thing: Any) -> dict[str, Any]:
     if frozen or not f"{kind.__module__}.".startswith(PACKAGES):
         return {}
     slots = [name for c in kind.__mro__ for name in getattr(c, "__slots__", ())]
-    names = {*getattr(thing, "__dict__", ()), *slots} - PASSING.get(kind.__name__, set())
+    names = {*getattr(thing, "__dict__", ()), *slots}
     return {name: getattr(thing, name) for name in sorted(names)}
+
+
+def of_core(core: Core) -> dict[str, Any]:
+    """Every member of every record of a core's state, and its estimator."""
+    found = {
+        f"{name}.{member}": records[member].tolist()
+        for name, records in core._train.state.items() for member in records.dtype.names or ()
+    }  # fmt: skip
+    return {name: repr(values) for name, values in found.items()} | {"estimator": state(core.estimator)}

@@ -12,7 +12,7 @@ from wrcd.bus.e2e import protect
 from wrcd.bus.frame import Frame
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
-from wrcd.core.messages import Outgoing
+from wrcd.core.reports import Outgoing
 
 START_US = 1_700_000_000_000_000
 MS = 1000  # in µs

@@ -48,7 +48,7 @@ def test_packaged_dbc_has_the_messages_of_eight_axles(tmp_path: Path, axles: int
     assert [a.number for a in c.axles] == list(range(1, axles + 1))
     assert all(None not in (a.detail, a.inputs) for a in c.axles)
     assert len(c.inputs) == 3 * axles + 1
-    assert len(Core(c).receiver.keys) == 3 * axles + 1
+    assert len(Core(c).mapped.keys) == 3 * axles + 1
     lines = describe(c)
     assert lines[-1] == "ok"
     assert f"axle {axles}" in lines

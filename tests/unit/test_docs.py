@@ -44,9 +44,10 @@ from wrcd.config import declared
 from wrcd.config.config import STALE_TICKS, load_config
 from wrcd.config.keys import Key
 from wrcd.contract.frames import Says
-from wrcd.core import causes, core, inputs, plausibility, terms, validity, vocabulary
+from wrcd.core import causes, configuration, core, terms, vocabulary
 from wrcd.core.core import Core
 from wrcd.dbc.lint.codes import CODES
+from wrcd.native import constant
 from wrcd.service import journal
 
 DOCS = ROOT / "docs"
@@ -281,18 +282,18 @@ def test_numbers_of_the_validity_table_are_those_of_the_code() -> None:
     condition = {r[1]: r[2] + "; " + r[3] for r in rows("docs/reference/validity.md", "## Causes") if len(r) == 4}
     tick_ms = 5
     assert f"three ticks, {STALE_TICKS * tick_ms} ms" in condition["InputStale"]
-    assert f"{validity.BRIDGED_TICKS * tick_ms} ms past it" in condition["InputStale"]
-    assert "{:g} … {:g}".format(*validity.LOAD_SHARES) in condition["LoadBeyond"]
-    assert "{:g} … {:g}".format(*validity.RADIUS_SHARES) in condition["RadiusBeyond"]
+    assert f"{int(constant('BRIDGED_TICKS')) * tick_ms} ms past it" in condition["InputStale"]
+    assert "{:g} … {:g}".format(*configuration.LOAD_SHARES) in condition["LoadBeyond"]
+    assert "{:g} … {:g}".format(*configuration.RADIUS_SHARES) in condition["RadiusBeyond"]
     assert f"{terms.MIN_M:g} m" in condition["TooLittleData"]
     assert f"{terms.HARSH_SHARE:g} of the window" in condition["Harsh"]
-    noise = f"{100 * inputs.DEAD_SHARE:g} % of what the load carries"
+    noise = f"{100 * constant('DEAD_SHARE'):g} % of what the load carries"
     assert noise in condition["FrictionShareUnknown"]
-    assert f"{inputs.TRACTION_HELD_US / 1000:g} ms" in condition["FrictionShareUnknown"]
+    assert f"{constant('TRACTION_HELD_US') / 1000:g} ms" in condition["FrictionShareUnknown"]
     assert signals.MAX_NET_OUTLIERS.tolist() == [[2.0], [8.0]]
     assert f"first {signals.GATE_MIN_TICKS:g} samples" in condition["Restarted"]
-    assert (validity.FREE_RESETS, validity.FIRST_WAIT_S, validity.LAST_WAIT_S) == (4, 1.0, 8.0)
-    assert f"{math.exp(plausibility.DOUBTED):.0e}".replace("e-0", "e-") in condition["Unchanged"]
+    assert [constant(name) for name in ("FREE_RESETS", "FIRST_WAIT_S", "LAST_WAIT_S")] == [4.0, 1.0, 8.0]
+    assert f"{constant('DOUBTED'):.0e}".replace("e-0", "e-") in condition["Unchanged"]
     assert (core.FORWARD_STEP_US, core.BACKWARD_STEP_US) == (1_000_000, 10_000)
 
 

@@ -23,9 +23,7 @@ OPERATING_SYSTEM = {
     "threading",
     "mmap",
 }
-DAEMONS_OWN_CODEC = {
-    f"wrcd.bus.{name}" for name in ("codec", "e2e", "positions", "readers", "statuses", "words", "writers")
-}
+DAEMONS_OWN_CODEC = {f"wrcd.bus.{name}" for name in ("codec", "e2e", "mapping", "positions", "words", "writers")}
 # by folder or file: packages and modules that nothing in it imports
 FORBIDDEN = {
     "wrcd": {"sim_ecu", "scipy", "filterpy", "skfuzzy", "numba", "matplotlib", "e2e", "pytest"},
@@ -61,8 +59,8 @@ FLOORS = (
     {"wrcd/bus"},
     {"wrcd", "sim_ecu"},  # errors, resources, checksum, progress
 )
-# Lines of a room at most, of every language: what it had when this was written, and 3 %. wrcd/core and sim_ecu/design
-# have more, for what is planned. To raise one, name in CHANGELOG.md the user who asked for what needs it.
+# Lines of a room at most, of every language: what it had when this was written, and 3 %. sim_ecu/design has more, for
+# what is planned. To raise one, name in CHANGELOG.md the user who asked for what needs it.
 BUDGETS = {
     "examples": 416,
     "sim_ecu": 8,
@@ -77,14 +75,14 @@ BUDGETS = {
     "sim_ecu/score": 3378,
     "systemd": 593,
     "wrcd": 260,
-    "wrcd/bus": 3130,
+    "wrcd/bus": 2760,
     "wrcd/cli": 1160,
     "wrcd/config": 2646,
     "wrcd/contract": 1312,
-    "wrcd/core": 6500,
+    "wrcd/core": 6560,
     "wrcd/dbc": 3270,
     "wrcd/kit": 3138,
-    "wrcd/logs": 5030,
+    "wrcd/logs": 5000,
     "wrcd/monitor": 2554,
     "wrcd/recorder": 557,
     "wrcd/report": 2641,

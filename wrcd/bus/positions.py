@@ -7,6 +7,7 @@ from typing import Literal, NamedTuple
 from wrcd.bus.dbc import CLASSICAL_BYTES, Message, Signal, find_signal
 from wrcd.bus.frame import EXTENDED
 
+MAX_BITS = 64  # of a signal that is mapped
 Order = Literal["little", "big"]
 
 _FD_LENGTHS = (*range(9), 12, 16, 20, 24, 32, 48, 64)  # that a DLC of CAN FD can say
@@ -53,6 +54,11 @@ class Field:
     def is_float(self) -> bool:
         """Whether it is coded as a floating-point number."""
         return self._float is not None
+
+    def holds(self, raw: int) -> bool:
+        """Whether a whole number is one of its raw values; a float's are whole only up to 63 bits here."""
+        sign, mask = (1 << 63, (1 << 64) - 1) if self.is_float else (self.position.sign, self.position.mask)
+        return -sign <= raw <= mask - sign
 
     def raw(self, numbers: Numbers) -> int | float:
         """The raw value in a frame."""

@@ -97,12 +97,9 @@ class Writer:
         self.can_id, self.extended = message.frame_id, message.is_extended_frame
 
     @property
-    def start(self) -> int:
-        """What the frame of a plain message is, as a whole number, before the values are put in."""
-        if self._start is None:
-            assert self.order is not None
-            self._start = int.from_bytes(self._encoded({}), self.order)
-        return self._start
+    def start(self) -> bytes:
+        """What the frame is before the values are put in."""
+        return self._encoded({})
 
     def frame(self, stamp_us: int, slot: int, values: Mapping[str, Value]) -> Frame:
         """The frame of a slot. Values of signals that the message lacks are left out."""
@@ -110,7 +107,7 @@ class Writer:
             raw = {self._names[name]: w.raw(values[name]) for name, w in self.writers.items() if name in values}
             data = self._encoded(raw)
         else:
-            number = self.start
+            number = int.from_bytes(self.start, self.order)
             for name, value in values.items():
                 found = self.writers.get(name)
                 if found is not None:

@@ -62,14 +62,14 @@ def _run(args: argparse.Namespace) -> int:
             early.close()
         raise
     if early is not None:
-        early.narrow(core.receiver.keys, core.receiver.fd)
+        early.narrow(core.mapped.keys, core.mapped.fd)
         if config.hardware_stamps:
             early.stamp_by_hardware()
         link = early
     else:
         interface, channel = args.interface or config.interface, args.channel or config.channel
-        receiver, stamps = core.receiver, config.hardware_stamps
-        link = waiting.until(lambda: open_link(interface, channel, receiver.keys, stamps, receiver.fd))
+        mapped, stamps = core.mapped, config.hardware_stamps
+        link = waiting.until(lambda: open_link(interface, channel, mapped.keys, stamps, mapped.fd))
     log_line(
         f"{link.name}, axles {', '.join(str(a.number) for a in config.axles)}, design {config.design.name} "
         f"{config.design.checksum[:12]}"

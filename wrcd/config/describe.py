@@ -6,9 +6,8 @@ from wrcd.bus.positions import message_key
 from wrcd.bus.signals import Output, OutputSignal, Source, StatusRule
 from wrcd.bus.units import Quantity
 from wrcd.config.raw_values import words
-from wrcd.core.configuration import Config, Input
+from wrcd.core.configuration import LOAD_SHARES, RADIUS_SHARES, Config, Input
 from wrcd.core.design import Design
-from wrcd.core.validity import LOAD_SHARES, RADIUS_SHARES
 
 # what of a wheelset a person knows it by, as the rig names it
 KNOWN_BY = (

@@ -21,9 +21,8 @@ from wrcd.config import declared
 from wrcd.config.raw_values import raw_values, usable_field, words
 from wrcd.config.section import TO_FILL_IN, Section, suggest
 from wrcd.config.statements import TORQUES, Statement
-from wrcd.core.configuration import Input
+from wrcd.core.configuration import LOAD_SHARES, RADIUS_SHARES, Input
 from wrcd.core.design import Design
-from wrcd.core.validity import LOAD_SHARES, RADIUS_SHARES
 
 FLOAT_BITS = (32, 64)
 STALE_TICKS = 3  # of gyro and accelerometer: two may be missing

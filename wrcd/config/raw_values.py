@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from wrcd.bus.dbc import Signal
-from wrcd.bus.positions import span
+from wrcd.bus.positions import MAX_BITS, span
 from wrcd.config.section import Section, suggest
 
 
@@ -63,8 +63,11 @@ def finite(x: Any) -> bool:
 
 
 def usable_field(signal: Signal) -> bool:
-    """Whether a frame can hold the signal, and its numbers are such."""
+    """Whether a frame can hold the signal, 64 bits at most, and its numbers are such."""
     numbers = (signal.scale, signal.offset, signal.minimum, signal.maximum, signal.raw_initial)
     return (
-        signal.start >= 0 and signal.length >= 1 and bool(signal.scale) and all(x is None or finite(x) for x in numbers)
+        signal.start >= 0
+        and 1 <= signal.length <= MAX_BITS
+        and bool(signal.scale)
+        and all(x is None or finite(x) for x in numbers)
     )

@@ -7,9 +7,9 @@ the message. What lies in one branch of a multiplexer is of the inputs of that b
 from collections.abc import Mapping, Sequence
 
 from wrcd.bus.dbc import DEFAULT_TIMEOUT_MS, Database, Message, Signal, find_message, timeout_ms
+from wrcd.bus.mapping import STATUS
 from wrcd.bus.positions import Branch, branch
 from wrcd.bus.signals import StatusRule
-from wrcd.bus.statuses import STATUS
 from wrcd.bus.words import degraded, tells_status, unusable, usable
 from wrcd.config import declared
 from wrcd.config.input_mapping import check_readable, find

@@ -11,7 +11,7 @@ from wrcd.bus.frame import Frame
 from wrcd.bus.positions import fit_raw, span
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import AxleConfig, Config
-from wrcd.core.messages import Report, surface
+from wrcd.core.reports import Report, surface
 from wrcd.core.vocabulary import CONFIDENCES
 
 HALF_WIDTHS = {name: most for most, name in CONFIDENCES}  # pp; of Wider infinite

@@ -1,6 +1,8 @@
 """The states of an axle, and why it is not Valid: one list for the bus, the log and a replay.
 
-Which of them applies is decided in validity.py.
+Which of them applies is decided in wrcd/core/c/validity.c. A new cause has its number here, in wrcd/core/c/wrcd.h and
+in the DBC; when it holds and what it comes behind in validity.c; its figures in events.c, its words in details.py; rows
+in docs/reference/validity.md and what-a-controller-does.md. A DBC of others whose table lacks its word is refused.
 """
 
 from enum import IntEnum, StrEnum
@@ -53,7 +55,7 @@ class Cause(IntEnum):
     BEYOND_TRAINING = 20, "what is seen is beyond what the rules were made from"
     HARSH = 21, "vibration or joints are beyond what the rules bear"
     CONTRADICTION = 22, "more adhesion is in use than the estimate with its interval allows"
-    # Degraded: a tick within the window was not sound
+    # Degraded as 5 to 12
     TORQUES_CONTRADICT = 23, "torques act against each other while the train brakes: one of them has the wrong sign"
     # Reserved: sent by wrcd up to 0.4
     WHEELSET_UNLIKE = 24, "reserved, not sent"

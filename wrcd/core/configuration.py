@@ -8,6 +8,12 @@ from wrcd.bus.dbc import Database
 from wrcd.bus.signals import Output, Source
 from wrcd.core.design import Design
 
+# Of the design's. With the true load on the bus, the interval of nominal conditions still holds the truth in 77 %
+# of the frames at 0.7 and 1.3 (89 % at 1.0, 67 % at 0.6): beyond, a design for that load is needed.
+LOAD_SHARES = (0.7, 1.3)
+# A wheel wears by less than a tenth of its radius; as far, the interval still holds the truth in 85 % and more.
+RADIUS_SHARES = (0.9, 1.1)
+
 
 @dataclass(frozen=True, slots=True)
 class AxleConfig:

@@ -1,172 +1,180 @@
 """A cause in figures: the input (in words, and Message.Signal of the configuration), what it is, and the limit.
 
-Every function gives a text for a person; units are those that the field uses.
+Texts for a person, made of the core's events (WRCD_EVENT in wrcd/core/c/wrcd.h); units are those that the field uses.
 """
 
 import math
 from collections.abc import Callable, Sequence
+from typing import Any
 
+from wrcd.bus.mapping import Mapped
+from wrcd.bus.reasons import Reason
 from wrcd.core.causes import Cause
-from wrcd.core.configuration import Config
-from wrcd.core.estimator import PairHealth
-from wrcd.core.inputs import BRAKE, LAT, LOAD, QUANTITIES, RADIUS, SPEED, TORQUE, YAW, Inputs, TickInputs, rows_of
-from wrcd.core.records import Estimate, Outliers
+from wrcd.core.configuration import LOAD_SHARES, RADIUS_SHARES, Config
+from wrcd.core.tables import BRAKE, LAT, LOAD, QUANTITIES, RADIUS, SPEED, TORQUE, YAW
 from wrcd.core.terms import HARSH_SHARE, MAX_JUMP, MIN_FIRING, MIN_M, MODELS, EstimateDoubt, PairState
-from wrcd.core.validity import LOAD_SHARES, RADIUS_SHARES, ValidityMonitor
 
 MAX_INPUTS = 2  # that a text names; of more the number
+NEVER = -(1 << 60)
+_OWN, _KNOWN, _ESTIMATE = range(3)  # whose figures a change has
+_CAUSES = tuple(Cause)  # by their number
+_REASONS = ("", *(r.value for r in Reason))
+_OF_PAIR = (
+    Cause.SENSORS_SILENT, Cause.GYRO_REVERSED, Cause.SENSORS_UNRELATED, Cause.ACCEL_SMALL, Cause.GYRO_DEAD
+)  # fmt: skip
+Event = Any  # a record
 
 
 class Details:
     """Texts for one configuration's axles and inputs."""
 
-    def __init__(self, config: Config) -> None:
+    def __init__(self, config: Config, mapped: Mapped) -> None:
         self._config, self._design = config, config.design
-        self._quantity, rows = rows_of(config)
-        self._signals: dict[tuple[int, int], str] = {}  # by row and axle
-        for i, row in zip(config.inputs, rows, strict=True):
-            for axle in i.source.axles:
-                self._signals[row, axle] = f"{i.source.message}.{i.source.signal}"
+        self._sources = [s.source for s in mapped.signals]
+        self._of_tick: dict[Cause, Callable[[Event], str]] = {
+            Cause.INPUT_STALE: self._overdue, Cause.INPUT_SILENT: self._overdue, Cause.TWO_SENDERS: self._contested,
+            Cause.SENSOR_DEGRADED: self._degraded, Cause.UNCHANGED: self._unchanged,
+            Cause.SPEED_OUT_OF_RANGE: self._speed, Cause.FRICTION_SHARE_UNKNOWN: self._friction,
+            Cause.LOAD_BEYOND: self._load, Cause.RADIUS_BEYOND: self._radius, Cause.TORQUES_CONTRADICT: self._against,
+            Cause.STANDSTILL: self._standstill, Cause.WARMING_UP: self._warming_up, Cause.RESTARTED: self._restarted,
+            **dict.fromkeys(_OF_PAIR, self._pair),
+        }  # fmt: skip
 
-    def name(self, quantity: int, axle: int) -> str:
-        """An input: its quantity in words, and its signal, or signals where several add up."""
-        rows = [row for row, q in enumerate(self._quantity) if q == quantity and (row, axle) in self._signals]
-        if len(rows) == 1:
-            return self.signal(rows[0], axle)
-        signals = " + ".join(self._signals[row, axle] for row in rows)
-        return f"{_words(quantity)} {signals or '(not mapped)'}"
+    def of(self, change: Event, known: Event | None) -> str:
+        """What a change of Validity has come from; known: how its cause was as it began."""
+        cause = _CAUSES[change["cause"]]
+        if change["figures"] == _ESTIMATE and cause:
+            return self._estimate(cause, change)
+        event = known if change["figures"] == _KNOWN else change
+        if event is None or not cause:
+            return str(cause.words)
+        return self._of_tick[cause](event) if cause in self._of_tick else str(cause.words)
 
-    def signal(self, row: int, axle: int) -> str:
-        """The same of one of its signals."""
-        return f"{_words(self._quantity[row])} {self._signals[row, axle]}"
+    def _name(self, quantity: int, event: Event) -> str:
+        """An input of the event's axle: its quantity in words, and its signal, or signals where several add up."""
+        of = [s for s in self._sources if s.quantity is QUANTITIES[quantity] and event["axle"] in s.axles]
+        signals = " + ".join(f"{s.message}.{s.signal}" for s in sorted(of, key=lambda s: s.part))
+        return f"{QUANTITIES[quantity].words} {signals or '(not mapped)'}"
 
-    def tick(self, cause: Cause, axle: int, inputs: Inputs, tick: TickInputs, end_us: int) -> str:
-        """What speaks against a tick."""
-        of: dict[Cause, Callable[[], str]] = {
-            Cause.INPUT_STALE: lambda: self._overdue(axle, inputs, end_us, silent=False),
-            Cause.TWO_SENDERS: lambda: self._contested(axle, inputs),
-            Cause.SENSOR_DEGRADED: lambda: self._degraded(axle, inputs),
-            Cause.UNCHANGED: lambda: self._unchanged(axle, inputs, end_us),
-            Cause.SPEED_OUT_OF_RANGE: lambda: self._speed(axle, tick.speed_m_s),
-            Cause.FRICTION_SHARE_UNKNOWN: lambda: self._friction(axle, inputs),
-            Cause.LOAD_BEYOND: lambda: self._load(axle, inputs),
-            Cause.RADIUS_BEYOND: lambda: self._radius(axle, inputs),
-            Cause.TORQUES_CONTRADICT: lambda: self._against(axle, inputs),
-        }
-        return of[cause]() if cause in of else cause.words
+    def _signal(self, number: int) -> str:
+        """The same of one signal."""
+        s = self._sources[number]
+        return f"{s.quantity.words} {s.message}.{s.signal}"
 
-    def unavailable(self, cause: Cause, axle: int, inputs: Inputs, validity: ValidityMonitor, end_us: int) -> str:
-        """Why there is no estimate at the end of the newest tick."""
-        if cause is Cause.INPUT_SILENT:
-            return self._overdue(axle, inputs, end_us, silent=True)
-        if cause is Cause.STANDSTILL:
-            return f"{self.name(SPEED, axle)} {inputs.speed_m_s:.2f} m/s, limit {self._config.min_speed_m_s:g}"
-        if cause is Cause.WARMING_UP:
-            seen = validity.fresh_ticks(axle) * self._design.tick_s
-            return f"{seen:.2f} s of the window's {self._design.window_s:g} s"
-        return cause.words
+    def _listed(self, event: Event, text: Callable[[int, int], str]) -> str:
+        """The inputs that are concerned; text of the place among these and the input."""
+        texts = [text(k, int(event["input"][k])) for k in range(min(int(event["listed"]), MAX_INPUTS))]
+        rest = int(event["listed"]) - MAX_INPUTS
+        return "; ".join(texts) + (f"; and {rest} more" if rest > 0 else "")
 
-    def jumped(self, axle: int, speed_m_s: float) -> str:
-        """Why an axle was started anew: the speed."""
-        return f"{self.name(SPEED, axle)} jumped to {speed_m_s:.2f} m/s"
+    def _standstill(self, e: Event) -> str:
+        return f"{self._name(SPEED, e)} {e['number'][0]:.2f} m/s, limit {self._config.min_speed_m_s:g}"
 
-    def outliers(self, axle: int, o: Outliers, wait_s: float) -> str:
-        """The same: measurements that stay outliers."""
+    def _warming_up(self, e: Event) -> str:
+        seen = e["number"][0] * self._design.tick_s
+        return f"{seen:.2f} s of the window's {self._design.window_s:g} s"
+
+    def _restarted(self, e: Event) -> str:
+        """Why an axle was started anew: the speed, or measurements that stay outliers."""
+        if e["listed"]:
+            return f"{self._name(SPEED, e)} jumped to {e['number'][0]:.2f} m/s"
+        *of_channels, jump_rad_s, wait_s = e["number"][:6].tolist()
         far = [
-            f"{self.name(channel, axle)} off by {_times(times)} the usual innovation, limit {limit:g}"
-            for channel, times, limit in zip((YAW, LAT), o.times_usual, o.limits, strict=True)
+            f"{self._name(channel, e)} off by {_times(times)} the usual innovation, limit {limit:g}"
+            for channel, times, limit in zip((YAW, LAT), of_channels[:2], of_channels[2:], strict=True)
             if not times <= limit
         ]
-        if o.jump_rad_s > MAX_JUMP:
-            far = [f"{self.name(YAW, axle)} jumped by {o.jump_rad_s:.3f} rad/s, limit {MAX_JUMP:g}"]
-        first = f"{self.name(YAW, axle)} or {self.name(LAT, axle)} stood out among its first samples"
+        if jump_rad_s > MAX_JUMP:
+            far = [f"{self._name(YAW, e)} jumped by {jump_rad_s:.3f} rad/s, limit {MAX_JUMP:g}"]
+        first = f"{self._name(YAW, e)} or {self._name(LAT, e)} stood out among its first samples"
         return ("; ".join(far) or first) + (f"; waits {wait_s:g} s" if wait_s else "")
 
-    def pair(self, axle: int, health: PairHealth) -> str:
+    def _pair(self, e: Event) -> str:
         """What speaks against gyro and accelerometer."""
-        f = health.figures(axle)
-        yaw, lat = self.name(YAW, axle), self.name(LAT, axle)
-        lead = f"{PairState(f.state).words} {f.probability:.2f}, sound {f.sound:.2f}"
-        levels = f"{yaw} {f.yaw_rms:.1f}, {lat} {f.lat_rms:.1f} times the sensor's noise"
-        return f"{lead}; {levels}; correlation {f.low:.2f} below 1.5 Hz, {f.middle:.2f} in 3 to 10 Hz"
+        state, low, middle, yaw_rms, lat_rms, probability, sound = e["number"][:7].tolist()
+        lead = f"{PairState(int(state)).words} {probability:.2f}, sound {sound:.2f}"
+        levels = f"{self._name(YAW, e)} {yaw_rms:.1f}, {self._name(LAT, e)} {lat_rms:.1f} times the sensor's noise"
+        return f"{lead}; {levels}; correlation {low:.2f} below 1.5 Hz, {middle:.2f} in 3 to 10 Hz"
 
-    def estimate(self, cause: Cause, axle: int, e: Estimate) -> str:
+    def _estimate(self, cause: Cause, e: Event) -> str:
         """What an estimate says against itself."""
-        mu, window_s = float(e.mu_available_pct[axle]), float(e.window_s[axle])
-        if cause is Cause.HARSH:
-            share = 100 * float(e.live_share[axle])
-            return f"{share:.0f} % of {window_s:.2f} s are far from pulses, limit {100 * HARSH_SHARE:g} %"
         if cause is Cause.BEYOND_TRAINING:
-            return self._beyond(axle, e)
+            return self._beyond(e["number"][:MODELS].tolist())
+        live_share, window_s, doubt, mu, firing, used_pct, from_rules_pct, _ = e["number"].tolist()
+        if cause is Cause.HARSH:
+            return f"{100 * live_share:.0f} % of {window_s:.2f} s are far from pulses, limit {100 * HARSH_SHARE:g} %"
         if cause is Cause.NO_RULE:
-            return f"the rules fire with {e.firing[axle]:.3f} in all, limit {MIN_FIRING:g}"
+            return f"the rules fire with {firing:.3f} in all, limit {MIN_FIRING:g}"
         if cause is Cause.CONTRADICTION:
-            return (
-                f"{self.name(TORQUE, axle)}: {e.used_pct[axle]:.2f} % in use, the rules say "
-                f"{e.mu_from_rules_pct[axle]:.2f} %"
-            )
-        if e.doubt[axle] == EstimateDoubt.GAPS:
-            share = 100 * float(e.live_share[axle])
+            return f"{self._name(TORQUE, e)}: {used_pct:.2f} % in use, the rules say {from_rules_pct:.2f} %"
+        if doubt == EstimateDoubt.GAPS:
+            share = 100 * live_share
             return f"{share:.0f} % of {window_s:.2f} s hold measurements on end, limit {100 * HARSH_SHARE:g} %"
         if not math.isfinite(mu):
             return f"{window_s:.2f} s of measurements are no estimate"
         return f"{window_s:.2f} s of track are less than {MIN_M:g} m"
 
-    def _overdue(self, axle: int, inputs: Inputs, end_us: int, silent: bool) -> str:
-        texts = []
-        for row, age_us, limit_us, refused in inputs.overdue(axle, end_us, silent):
-            if age_us is None:
-                text = f"{self.signal(row, axle)} has not come"
-            else:
-                text = f"{self.signal(row, axle)} {age_us / 1000:.1f} ms old, limit {limit_us / 1000:g}"
-            texts.append(text + (f" (refused since: {refused})" if refused else ""))
-        return _listed(texts)
+    def _overdue(self, e: Event) -> str:
+        def text(k: int, number: int) -> str:
+            age_us, of = int(e["age_us"][k]), self._config.inputs[self._number(number)]
+            limit_us = of.timeout_us if e["cause"] == Cause.INPUT_STALE else self._silent_us(number)
+            if age_us == NEVER:
+                return f"{self._signal(number)} has not come{_refused(e, k)}"
+            return f"{self._signal(number)} {age_us / 1000:.1f} ms old, limit {limit_us / 1000:g}{_refused(e, k)}"
 
-    def _contested(self, axle: int, inputs: Inputs) -> str:
-        texts = []
-        for row, refused in inputs.flagged(inputs.contested, axle):
-            text = f"{self.signal(row, axle)}: two sequences of counters"
-            texts.append(text + (f" (refused since: {refused})" if refused else ""))
-        return _listed(texts)
+        return self._listed(e, text)
 
-    def _degraded(self, axle: int, inputs: Inputs) -> str:
-        named = [self.signal(row, axle) for row, _ in inputs.flagged(inputs.degraded, axle)]
-        return f"{_listed(named)}: the status says Degraded"
+    def _number(self, number: int) -> int:
+        """The place of an input in the configuration."""
+        source = self._sources[number]
+        return next(k for k, i in enumerate(self._config.inputs) if i.source is source)
 
-    def _unchanged(self, axle: int, inputs: Inputs, end_us: int) -> str:
-        texts = []
-        for quantity in sorted(inputs.quantities(inputs.unchanged(end_us), axle)):
-            value, run = inputs.stuck_at(quantity, axle)
-            unit = QUANTITIES[quantity].unit
-            texts.append(f"{self.name(quantity, axle)} has been {value:.6g} {unit} in {run + 1} frames on end")
-        return _listed(texts)
+    def _silent_us(self, number: int) -> int:
+        i, after = self._config.inputs[self._number(number)], self._config.not_available_after_us
+        return after if QUANTITIES.index(i.source.quantity) <= SPEED else max(i.timeout_us, after)
 
-    def _speed(self, axle: int, speed_m_s: float) -> str:
+    def _contested(self, e: Event) -> str:
+        return self._listed(e, lambda k, number: f"{self._signal(number)}: two sequences of counters{_refused(e, k)}")
+
+    def _degraded(self, e: Event) -> str:
+        return f"{self._listed(e, lambda k, number: self._signal(number))}: the status says Degraded"
+
+    def _unchanged(self, e: Event) -> str:
+        def text(k: int, number: int) -> str:
+            value, run = e["number"][2 * k], int(e["number"][2 * k + 1])
+            source = self._sources[number]
+            named = self._name(QUANTITIES.index(source.quantity), e)
+            return f"{named} has been {value:.6g} {source.quantity.unit} in {run + 1} frames on end"
+
+        return self._listed(e, text)
+
+    def _speed(self, e: Event) -> str:
         low, high = self._design.speeds_m_s[0], self._design.speeds_m_s[-1]
-        return f"{self.name(SPEED, axle)} {speed_m_s:.2f} m/s, design {low:g} to {high:g}"
+        return f"{self._name(SPEED, e)} {e['number'][0]:.2f} m/s, design {low:g} to {high:g}"
 
-    def _friction(self, axle: int, inputs: Inputs) -> str:
-        torque = inputs.value(TORQUE, axle)
-        return f"{self.name(TORQUE, axle)} {torque / 1000:.2f} kN m is no traction; {self.name(BRAKE, axle)}"
+    def _friction(self, e: Event) -> str:
+        return f"{self._name(TORQUE, e)} {e['number'][0] / 1000:.2f} kN m is no traction; {self._name(BRAKE, e)}"
 
-    def _against(self, axle: int, inputs: Inputs) -> str:
-        torques = inputs.torques(axle)
-        named = [f"{self.signal(row, axle)} {torque / 1000:.2f} kN m" for row, torque in torques.items()]
-        return " against ".join(named)
+    def _against(self, e: Event) -> str:
+        of = [
+            s for quantity in (TORQUE, BRAKE)
+            for s in sorted(self._sources, key=lambda s: s.part)
+            if s.quantity is QUANTITIES[quantity] and e["axle"] in s.axles
+        ]  # fmt: skip
+        torques = zip(of, e["number"][: int(e["listed"])].tolist(), strict=False)
+        return " against ".join(f"{s.quantity.words} {s.message}.{s.signal} {x / 1000:.2f} kN m" for s, x in torques)
 
-    def _load(self, axle: int, inputs: Inputs) -> str:
-        load, design = inputs.value(LOAD, axle), 2 * self._design.normal_N
+    def _load(self, e: Event) -> str:
+        design = 2 * self._design.normal_N / 1000
         low, high = LOAD_SHARES
-        return f"{self.name(LOAD, axle)} {load / 1000:.1f} kN, design {design / 1000:.1f} kN ({low:g} to {high:g})"
+        return f"{self._name(LOAD, e)} {e['number'][0] / 1000:.1f} kN, design {design:.1f} kN ({low:g} to {high:g})"
 
-    def _radius(self, axle: int, inputs: Inputs) -> str:
-        radius, design = inputs.value(RADIUS, axle), self._design.r_0
-        low, high = RADIUS_SHARES
-        return f"{self.name(RADIUS, axle)} {1000 * radius:.0f} mm, design {1000 * design:.0f} mm ({low:g} to {high:g})"
+    def _radius(self, e: Event) -> str:
+        design, (low, high) = 1000 * self._design.r_0, RADIUS_SHARES
+        return f"{self._name(RADIUS, e)} {1000 * e['number'][0]:.0f} mm, design {design:.0f} mm ({low:g} to {high:g})"
 
-    def _beyond(self, axle: int, e: Estimate) -> str:
+    def _beyond(self, seen: Sequence[float]) -> str:
         d = self._design
-        seen = e.inputs[axle, :MODELS]
         spans = [max(float(high - low), 1e-9) for low, high in zip(d.low[:MODELS], d.high[:MODELS], strict=True)]
         outside = [max(float(d.low[m] - seen[m]), float(seen[m] - d.high[m])) / spans[m] for m in range(MODELS)]
         far = max(range(MODELS), key=outside.__getitem__)
@@ -176,13 +184,12 @@ class Details:
         )
 
 
-def _words(quantity: int) -> str:
-    return QUANTITIES[quantity].words
-
-
-def _listed(texts: Sequence[str]) -> str:
-    rest = len(texts) - MAX_INPUTS
-    return "; ".join(texts[:MAX_INPUTS]) + (f"; and {rest} more" if rest > 0 else "")
+def _refused(e: Event, k: int) -> str:
+    """What was refused since an input's newest good frame: what was most first."""
+    order, refused = (e[name].reshape(2, -1)[k].tolist() for name in ("order", "refused"))
+    counts = sorted(((refused[reason], reason) for reason in order[: int(e["refusals"][k])]), key=lambda of: -of[0])
+    listed = ", ".join(f"{count} {_REASONS[reason]}" for count, reason in counts)
+    return f" (refused since: {listed})" if listed else ""
 
 
 def _times(x: float) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 
 from wrcd.core.design import BoolArray, Design, FloatArray, HealthModel, IntArray
 from wrcd.core.design_members import IN_PLACE, Member, OverSpeed, health_members, members
+from wrcd.core.layouts import layouts
 from wrcd.core.records import Estimate, HealthFigures, Outliers, StepResult, Tick, Ticks
 from wrcd.core.terms import CHANNELS, COLUMNS, MAX_AXLES, MODELS, PAIR_FEATURES, PairState
 from wrcd.errors import InputError
@@ -42,24 +43,24 @@ class Estimator:
         self.design, self.axles, self.library = design, axles, (c := library())
         self._keeps: list[object] = []  # what C has addresses of
         table = _structure(members(design), self._keeps)
+        self._keeps.append(table)
         self._d = ctypes.byref(table)
         size = int(c.wrcd_size(self._d, axles))
         if not size:
             raise InputError(
                 f"is beyond the estimator's limits with {axles} axles, at most {MAX_AXLES}", file=design.name
             )
-        axle, train, self._adhesion, result = (_record(c, of) for of in range(4))
+        train = layouts()["estimator"]
         self._memory = np.zeros(size // 8)
-        first = _offset(train, "axle") // 8
         self._train = self._memory[: train.itemsize // 8].view(train)[0]
-        self._axle = self._memory[first : first + axles * axle.itemsize // 8].view(axle)
-        self._result = np.zeros(1, dtype=result)
+        self._axle = self._train["axle"][:axles]
+        self._result = np.zeros(1, dtype=layouts()["result"])
         self.newest = StepResult(self._result[0], axles)
         self._z, self._present = np.zeros((CHANNELS, axles)), np.zeros((CHANNELS, axles), dtype=bool)
         self._ratio = np.zeros(axles)
         self._tick = _Tick(0, 0.0, *(_address(a) for a in (self._z, self._present, self._ratio)))
         self._e, self._r, self._t = _address(self._memory), _address(self._result), ctypes.byref(self._tick)
-        self.arguments = self._e, self._d, self._r  # of C's functions that step: state, design, result
+        self.addresses = self._memory.ctypes.data, ctypes.addressof(table), self._result.ctypes.data
         c.wrcd_begin(self._e, self._d, axles)
         self.health = PairHealth(self)
 
@@ -67,6 +68,10 @@ class Estimator:
         twin = memo[id(self)] = Estimator(self.design, self.axles)
         twin._memory[:] = self._memory
         return twin
+
+    def copy_from(self, other: "Estimator") -> None:
+        """Become as another estimator of the same design and axles."""
+        self._memory[:] = other._memory
 
     @property
     def state(self) -> bytes:
@@ -112,7 +117,7 @@ class Estimator:
 
     def estimate(self) -> Estimate:
         """The adhesion that the window's residuals and torque speak for."""
-        out = np.zeros(self.axles, dtype=self._adhesion)
+        out = np.zeros(self.axles, dtype=layouts()["estimate"])
         self.library.wrcd_estimate(self._e, self._d, _address(out))
         kinds: dict[str, Any] = dict.fromkeys(_WHOLE, np.int64) | dict.fromkeys(_FLAGS, np.bool_)
         return Estimate(**{n: out[n].astype(kinds[n]) if n in kinds else out[n] for n in out.dtype.names})
@@ -194,24 +199,6 @@ def step_through(estimator: Runs, ticks: Ticks, stops: Iterable[int] = (), reset
 
 def _address(array: np.ndarray[Any, Any]) -> ctypes.c_void_p:
     return ctypes.c_void_p(array.ctypes.data)
-
-
-def _offset(record: np.dtype[Any], name: str) -> int:
-    assert record.fields is not None
-    return int(record.fields[name][1])
-
-
-def _record(c: ctypes.CDLL, of: int) -> np.dtype[Any]:
-    """One of C's records as numpy's: each field a number or a row of them."""
-    listed = c.wrcd_fields(of)
-    names, formats, offsets = list[str](), list[Any](), list[int]()
-    while (field := listed[len(names)]).name:
-        is_flag = of == 3 and field.bytes < 8 * MODELS  # of a result: bytes
-        count = field.bytes if is_flag else field.bytes // 8
-        names.append(field.name.decode())
-        formats.append((np.uint8 if is_flag else np.float64, () if count == 1 else (count,)))
-        offsets.append(field.offset)
-    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": field.offset})
 
 
 def _structure(of: Mapping[str, Member], keeps: list[object]) -> Any:

@@ -1,7 +1,7 @@
 """What the daemon tells: every signal by our name, with its words, or with unit, range and resolution that a field must
 have to carry it.
 
-The configuration gives them other names and words (wrcd/config/outputs.py); messages.py fills them.
+The configuration gives them other names and words (wrcd/config/outputs.py); wrcd/core/c/slot.c fills them.
 """
 
 import re

@@ -1,29 +1,27 @@
-"""A stretch of a log by columns: lines to arrays, frames to samples, as many at once as are regular.
+"""A stretch of a log by columns: lines to arrays, as many at once as are regular.
 
 A line is regular if candump wrote it so: "(1700000000.123456) can0 091#0011223344556677", perhaps with nine decimals
-(all lines then), and with " R" or " T" behind it. A message is regular in a
-stretch if every frame of it passes all checks and its E2E counter goes on; its samples are then the same as those that
-its reader gives for one frame after the other. Everything else goes the ordinary way.
+(all lines then), and with " R" or " T" behind it. Everything else goes the ordinary way.
 """
 
 import itertools
-import operator
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wrcd.bus.batch import FrameBatch
-from wrcd.bus.codec import MessageReader, Receiver, Sample
-from wrcd.bus.e2e import crcs
 from wrcd.bus.frame import EXTENDED, Frame
 
 IntArray = NDArray[np.int64]
-Samples = Sequence[Sample]
 MIN_ROWS, MAX_ROWS = 32, 5000  # fewer at once are not worth it, more need memory
-_RECORD = np.dtype([("stamp_us", "i8"), ("word", "u4"), ("length", "u1"), ("rest", "u1", 3), ("data", "u1", 8)])
+_RECORD, _FD_RECORD = (
+    np.dtype([("stamp_us", "i8"), ("word", "u4"), ("length", "u1"), ("flags", "u1"), ("rest", "u2"), ("data", "u1", n)])
+    for n in (8, 64)
+)
+_FD = 4  # a flag
 _ENDS = (18, 21)  # where the bracket behind a stamp of micro- or nanoseconds is
 _DIGITS = [*range(1, 11), *range(12, 18)]
 _POWERS = 10 ** np.arange(15, -1, -1, dtype=np.int64)
@@ -55,9 +53,7 @@ class Stretch:
     @property
     def batch(self) -> FrameBatch:
         """The same in one piece."""
-        out = np.zeros(len(self), dtype=_RECORD)
-        out["stamp_us"], out["word"], out["length"], out["data"] = self.stamps_us, self.keys, self.lengths, self.data
-        return FrameBatch(out.tobytes())
+        return batch_of(self.stamps_us, self.keys, self.lengths, self.data)
 
     def frame(self, k: int) -> Frame:
         """One of them."""
@@ -80,6 +76,16 @@ class Stretch:
     def frames(self) -> Iterator[Frame]:
         """All of them."""
         return map(self.frame, range(len(self)))
+
+
+def batch_of(
+    stamps_us: IntArray, keys: IntArray, lengths: NDArray[Any], data: NDArray[np.uint8], fd: bool = False
+) -> FrameBatch:
+    """Frames of columns, with data (n, up to 8, of CAN FD 64)."""
+    out = np.zeros(len(stamps_us), dtype=_FD_RECORD if fd else _RECORD)
+    out["stamp_us"], out["word"], out["length"], out["flags"] = stamps_us, keys, lengths, _FD * fd
+    out["data"][:, : data.shape[1]] = data[:, : out["data"].shape[1]]
+    return FrameBatch(out.tobytes(), fd)
 
 
 Item = Stretch | tuple[Frame, str]
@@ -167,57 +173,3 @@ def parse_lines(text: bytes) -> tuple[Stretch, NDArray[np.bool_], IntArray, IntA
         data[rows[:, None], np.arange(size)] = payload[:, ::2] << 4 | payload[:, 1::2]
     whole = Stretch(channel.decode(errors="replace"), stamps, ids, extended, sizes, data)
     return whole, regular, starts, ends
-
-
-class ReadFrame(NamedTuple):
-    """A mapped frame of a stretch."""
-
-    place: int  # in the stretch
-    stamp_us: int
-    reader: MessageReader
-    samples: Samples | None  # None: the reader is to be given the frame
-
-
-class Columns:
-    """Reads stretches for a receiver."""
-
-    def __init__(self, receiver: Receiver) -> None:
-        self._receiver = receiver
-
-    def read(self, s: Stretch) -> list[ReadFrame]:
-        """The frames that are mapped, in order. The E2E counters of those with samples have been followed."""
-        out: list[ReadFrame] = []
-        keys = s.keys
-        for key, reader in self._receiver.readers.items():
-            places = np.flatnonzero(keys == key)
-            if not len(places):
-                continue
-            found = _regular(reader, s, places) if len(places) > 1 else None
-            samples: Sequence[Samples | None] = [None] * len(places) if found is None else found
-            stamps_us = s.stamps_us[places].tolist()
-            out += map(ReadFrame, places.tolist(), stamps_us, itertools.repeat(reader), samples)
-        out.sort(key=operator.itemgetter(0))
-        return out
-
-
-def _regular(reader: MessageReader, s: Stretch, rows: IntArray) -> list[Samples] | None:
-    """The samples of one message's frames, if every one of them passes."""
-    if reader.order is None or reader.fd or (s.lengths[rows] != reader.length).any():
-        return None
-    data, checker = s.data[rows], reader.checker
-    counters = data[:, 1] & 0x0F
-    if checker is not None and not checker.goes_on(counters.tolist()):
-        return None
-    if checker is not None and (crcs(data, checker.start, reader.length) != data[:, 0]).any():
-        return None
-    columns, is_degraded = reader.read_columns(data)
-    if any(np.isnan(values).any() for values in columns):
-        return None
-    if checker is not None:
-        checker.follow(int(counters[-1]), data[-1, : reader.length].tobytes(), int(s.stamps_us[rows[-1]]), len(rows))
-    degraded = is_degraded.tolist()
-    samples = [
-        [Sample(signal.number, v, d) for v, d in zip(values.tolist(), degraded, strict=True)]
-        for signal, values in zip(reader.signals, columns, strict=True)
-    ]
-    return list(zip(*samples, strict=True))

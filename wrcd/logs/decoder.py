@@ -13,7 +13,6 @@ from wrcd.bus.codec import message_key
 from wrcd.bus.dbc import Message, Signal, find_message, find_signal
 from wrcd.bus.positions import Branch, Field, Order, frame_length, span
 from wrcd.bus.positions import Numbers as FrameNumbers
-from wrcd.bus.readers import whole_numbers
 from wrcd.bus.signals import Output, OutputSignal
 from wrcd.core.configuration import Config
 from wrcd.core.vocabulary import CONFIDENCES, MESSAGES, Numeric, Words
@@ -56,6 +55,14 @@ class MessageDecoder:
         orders: tuple[Order, ...] = ("little", "big") if self.length <= 8 else ()
         whole = {order: whole_numbers(data, self.length, order) for order in orders}
         return {name: column.read(data, whole) for name, column in self._columns.items()}
+
+
+def whole_numbers(data: NDArray[np.uint8], length: int, order: Order) -> NDArray[np.uint64]:
+    """Frames of up to eight bytes, data (n, length or more), as whole numbers, (n,)."""
+    padded = np.zeros((len(data), 8), dtype=np.uint8)
+    first = 0 if order == "little" else 8 - length
+    padded[:, first : first + length] = data[:, :length]
+    return padded.view("<u8" if order == "little" else ">u8")[:, 0].astype(np.uint64)
 
 
 class _Column:

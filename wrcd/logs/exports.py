@@ -6,19 +6,19 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wrcd import __version__
-from wrcd.bus.codec import Sample
 from wrcd.bus.dbc import find_signal
 from wrcd.bus.units import Quantity
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import Config
-from wrcd.core.core import Core, Observer
+from wrcd.core.core import Core
 from wrcd.core.events import Change
-from wrcd.core.messages import Outgoing
+from wrcd.core.reports import Made
 from wrcd.core.vocabulary import MESSAGES, Words
 from wrcd.errors import InputError, need
 from wrcd.logs.decoder import MessageDecoder, decoders
@@ -122,7 +122,7 @@ EXPORTERS: dict[str, tuple[str, Callable[[Path, About], Exporter]]]
 EXPORTERS = {"mf4": ("asammdf", Mf4File), "mcap": ("mcap", McapFile)}
 
 
-class GatherExports(Observer):
+class GatherExports:
     """An observer of a core: what it takes and makes within a part of a log goes to files. Its close writes what is
     left and finishes them."""
 
@@ -144,6 +144,7 @@ class GatherExports(Observer):
         the log's first frame. Raises InputError for a file that can't be made."""
         self._new_changes = NewChanges(core)
         self._onward = reader.clock
+        self._places = [s.number for s in core.mapped.signals]  # among the configuration's inputs
         self._begin_us = self._begin_us if part.begin_us is None else part.begin_us
         self._end_us = self._end_us if part.end_us is None else part.end_us
         places = {place for place, a in enumerate(self._config.axles) if a.number in part.axles}
@@ -160,27 +161,30 @@ class GatherExports(Observer):
         for extra, path in self._files.items():
             self._exporters[extra] = EXPORTERS[extra][1](path, About(first_us, facts))
 
-    def accepted(self, samples: Sequence[Sample], stamp_us: int) -> None:
-        """Keep the samples of an accepted frame."""
-        if not self._begin_us <= stamp_us < self._end_us:
-            return
-        time_us = stamp_us + self._onward.correction_us
-        for s in samples:
-            if self._wanted[s.source]:
-                held = self._samples[s.source]
-                held.stamps_us.append(time_us)
-                held.values.append(s.value)
+    def accepted(self, samples: Any) -> None:
+        """Keep values of accepted frames, the core's records."""
+        columns = (samples[name].tolist() for name in ("stamp_us", "input", "value"))
+        for stamp_us, number, value in zip(*columns, strict=True):
+            if self._begin_us <= stamp_us < self._end_us:
+                self._keep(stamp_us + self._onward.correction_us, self._places[number], value)
+
+    def _keep(self, time_us: int, number: int, value: float) -> None:
+        if self._wanted[number]:
+            held = self._samples[number]
+            held.stamps_us.append(time_us)
+            held.values.append(value)
         if self._due_us is None:
             self._due_us = time_us + BLOCK_US
         elif time_us > self._due_us:
             self.flush()
             self._due_us = time_us + BLOCK_US
 
-    def sent(self, o: Outgoing) -> None:
-        """Keep a frame that was made."""
-        if (found := self._frames.get(o.frame.key)) is not None:
-            found[1].stamps_us.append(self._onward.made(o.frame.stamp_us))
-            found[1].data += o.frame.data
+    def sent(self, made: Made) -> None:
+        """Keep frames that were made."""
+        for o in made:
+            if (found := self._frames.get(o.frame.key)) is not None:
+                found[1].stamps_us.append(self._onward.made(o.frame.stamp_us))
+                found[1].data += o.frame.data
 
     def look(self) -> None:
         """Keep the changes of Validity since the look before."""

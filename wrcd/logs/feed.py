@@ -12,7 +12,8 @@ from wrcd.bus.frame import Frame
 from wrcd.bus.units import Quantity
 from wrcd.core.configuration import Config
 from wrcd.core.core import FORWARD_STEP_US, Core
-from wrcd.core.messages import Outgoing
+from wrcd.core.details import NEVER
+from wrcd.core.reports import Made, Outgoing
 from wrcd.errors import InputError
 from wrcd.logs.columns import MIN_ROWS, Item, Stretch
 from wrcd.logs.decoder import sent_messages
@@ -22,49 +23,52 @@ from wrcd.logs.time_order import MAX_SILENCE_US, frames_of
 MAX_GAP_US = 500_000  # between frames of a stretch that is read by columns: far from any silence
 
 
-def outgoing_of_log(
+def made_of_log(
     core: Core, log: LogReader, part: Callable[[Iterator[Item]], Iterator[Item]] = iter
-) -> Iterator[tuple[Outgoing, str]]:
+) -> Iterator[tuple[Made, str]]:
     """What the core makes of a part of a log, and the channel."""
     with log:
-        yield from outgoing_of_stretches(core, log.clock.items(part(log.in_order())))
+        yield from made_of_stretches(core, log.clock.items(part(log.in_order())))
 
 
-def outgoing(core: Core, frames: Iterable[tuple[Frame, str]]) -> Iterator[tuple[Outgoing, str]]:
+def made(core: Core, frames: Iterable[tuple[Frame, str]]) -> Iterator[tuple[Made, str]]:
     """What the core makes of a log's frames, and the channel. The log's lines are the clock."""
     for frame, channel in frames:
-        for o in (*silence(core, frame.stamp_us), *core.feed(frame)):
-            yield o, channel
+        for of_silence in silence(core, frame.stamp_us):
+            yield of_silence, channel
+        yield core.feed(frame), channel
 
 
-def outgoing_of_stretches(core: Core, items: Iterable[Item]) -> Iterator[tuple[Outgoing, str]]:
+def made_of_stretches(core: Core, items: Iterable[Item]) -> Iterator[tuple[Made, str]]:
     """The same, many frames at once where the log is regular."""
     for item in items:
         if isinstance(item, tuple):
-            yield from outgoing(core, (item,))
+            yield from made(core, (item,))
         elif not _goes_on(core, item):
-            yield from outgoing(core, ((frame, item.channel) for frame in item.frames()))
+            yield from made(core, ((frame, item.channel) for frame in item.frames()))
         else:
-            for o in core.feed_batch(item.batch):
-                yield o, item.channel
+            yield core.feed(item.batch), item.channel
+
+
+def outgoing(parts: Iterable[tuple[Made, str]]) -> Iterator[tuple[Outgoing, str]]:
+    """The same, frame by frame."""
+    return ((o, channel) for part, channel in parts for o in part)
 
 
 def _goes_on(core: Core, s: Stretch) -> bool:
     """Whether a stretch is worth it, and no mapped frame of it comes after a silence."""
-    mapped = s.stamps_us[np.isin(s.keys, core.receiver.keys)]
+    mapped = s.stamps_us[np.isin(s.keys, core.mapped.keys)]
     if len(s) < MIN_ROWS or not len(mapped):  # as between frames that are not plain
         return False
     before_us = mapped[0] if core.time_us is None else core.time_us
     return bool((np.diff(mapped, prepend=before_us, append=s.stamps_us[-1]) < MAX_GAP_US).all())
 
 
-def silence(core: Core, stamp_us: int) -> list[Outgoing]:
+def silence(core: Core, stamp_us: int) -> Iterator[Made]:
     """Take a core through the silence before a stamp, if it is one, as a clock does: by a second at once at most."""
-    out: list[Outgoing] = []
     if core.time_us is not None and stamp_us - core.time_us <= MAX_SILENCE_US:
         while stamp_us - core.time_us > FORWARD_STEP_US:
-            out += core.advance(core.time_us + FORWARD_STEP_US)
-    return out
+            yield core.advance(core.time_us + FORWARD_STEP_US)
 
 
 VEHICLE = (Quantity.SPEED, Quantity.DIRECTION)
@@ -183,11 +187,15 @@ class Part:
             if selection.axles and number not in (0, *selection.axles)
         }
 
-    def wants(self, o: Outgoing) -> bool:
-        """Whether a frame lies within the time, and is not another axle's."""
+    def wanted(self, made: Made) -> Made:
+        """The frames that lie within the time, and are not another axle's."""
         if not self._left_out and self.begin_us is None and self.end_us is None:
-            return True
-        return self.wants_at(o.frame.stamp_us) and o.frame.key not in self._left_out
+            return made
+        frames = made.frames
+        within = ~np.isin(frames["word"], list(self._left_out))
+        within &= frames["stamp_us"] >= (NEVER if self.begin_us is None else self.begin_us)
+        within &= frames["stamp_us"] < (-NEVER if self.end_us is None else self.end_us)
+        return Made(frames[within], made.reports)
 
     def wants_at(self, stamp_us: int) -> bool:
         """Whether a stamp lies within the time."""

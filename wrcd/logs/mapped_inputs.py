@@ -3,13 +3,13 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from wrcd.bus.codec import MessageReader, Receiver, message_key
+from wrcd.bus.codec import message_key
 from wrcd.bus.dbc import find_message
-from wrcd.bus.frame import EXTENDED, Frame
-from wrcd.bus.reasons import Reason
 from wrcd.bus.units import Quantity
 from wrcd.core.configuration import Config, Input
-from wrcd.logs.scan import Frames, Scan, good_frames
+from wrcd.core.reading import Receiver
+from wrcd.logs.columns import batch_of
+from wrcd.logs.scan import Scan, good_frames
 from wrcd.logs.story_records import Series, newest_values
 
 FloatArray = NDArray[np.float64]
@@ -22,49 +22,35 @@ class MappedInputs:
 
     def __init__(self, config: Config) -> None:
         self._config = config
-        self.readers = Receiver(config.database, [i.source for i in config.inputs], config.data_ids).readers
+        # the counter is another question
+        sources = [i.source for i in config.inputs]
+        self._receiver = Receiver(config.database, sources, config.data_ids, follows=False)
+        self.messages = {m.key: m for m in self._receiver.mapped.messages}
         self.wrong: dict[int, int] = {}  # frames whose length or CRC does not fit, by Frame.key, of those under E2E
 
     def count_wrong(self, scan: Scan) -> None:
         """Look at every mapped message under E2E."""
-        for key, reader in self.readers.items():
-            if reader.data_id is not None:
+        for key, m in self.messages.items():
+            if m.data_id is not None:
                 frames = scan.of(key)
-                self.wrong[key] = len(frames) - len(good_frames(frames, reader.length, reader.data_id))
+                self.wrong[key] = len(frames) - len(good_frames(frames, m.length, m.data_id))
 
     def values(self, scan: Scan, one: Input) -> tuple[NDArray[np.int64], FloatArray]:
         """Stamps and values of a mapped signal, of the frames that carry it."""
         key, number = self._key(one.source.message), self._config.inputs.index(one)
-        reader = self.readers[key]
-        frames = good_frames(scan.of(key), reader.length, reader.data_id)
+        m = self.messages[key]
+        frames = good_frames(scan.of(key), m.length, m.data_id)
         if not len(frames):
             return frames.time_us, np.zeros(0)
-        if reader.order is None or frames.data.shape[1] > 8:
-            values, carried = self._one_by_one(frames, key, reader, number)
-            return frames.time_us[carried], values[carried]
-        return frames.time_us, reader.read_columns(frames.data)[0][reader.numbers.index(number)]
+        _, samples = self._receiver.read_all(
+            batch_of(frames.time_us, np.full(len(frames), key), frames.lengths, frames.data, m.fd)
+        )
+        samples = samples[samples["input"] == number]
+        return frames.time_us[samples["frame"]], samples["value"]
 
     def is_multiplexed(self, one: Input) -> bool:
         """Whether only some frames of its message carry it."""
-        return self.readers[self._key(one.source.message)].is_multiplexed
-
-    def _one_by_one(
-        self, frames: Frames, key: int, reader: MessageReader, number: int
-    ) -> tuple[FloatArray, NDArray[np.bool_]]:
-        """Of a message that is not plain: multiplexed, both byte orders, floating-point. With the frames that carry the
-        signal."""
-        out, carried = np.full(len(frames), np.nan), np.ones(len(frames), bool)
-        for row, (stamp_us, length) in enumerate(zip(frames.time_us.tolist(), frames.lengths.tolist(), strict=True)):
-            data = frames.data[row, :length].tobytes()
-            frame = Frame(stamp_us, key & ~EXTENDED, data, bool(key & EXTENDED), fd=reader.fd)
-            reader.reset()  # its counter is another question
-            found = reader.read(frame)
-            if isinstance(found, Reason):
-                carried[row] = number in reader.concerned(frame, found)
-            else:
-                value = next((s.value for s in found if s.source == number), None)
-                carried[row], out[row] = value is not None, np.nan if value is None else value
-        return out, carried
+        return self.messages[self._key(one.source.message)].is_multiplexed
 
     def any_frame(self, scan: Scan, place: int) -> bool:
         """Whether the log has a frame that is of an axle (its place) and not of the vehicle as a whole. A message that

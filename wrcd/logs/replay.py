@@ -13,11 +13,11 @@ from pathlib import Path
 from wrcd.bus.frame import counted_ids, id_text
 from wrcd.config.config import load_config
 from wrcd.core.core import Core
-from wrcd.core.messages import Outgoing
+from wrcd.core.reports import Made
 from wrcd.errors import InputError, Status
 from wrcd.logs.columns import Stretch
 from wrcd.logs.exports import gathering_for
-from wrcd.logs.feed import WHOLE, Part, Selection, Survey, check_since, check_time, outgoing_of_log, survey
+from wrcd.logs.feed import WHOLE, Part, Selection, Survey, check_since, check_time, made_of_log, survey
 from wrcd.logs.reader import LogReader
 from wrcd.logs.replay_outputs import SCREEN, Outputs, Writing, check_outputs
 
@@ -45,7 +45,7 @@ def replay(
     config = load_config(inputs.configuration, design_file=inputs.design)
     selection.check(config)
     gathered = gathering_for({"mf4": outputs.mf4, "mcap": outputs.mcap}, config)
-    core = Core(config, observer=gathered)
+    core = Core(config, samples=None if gathered is None else gathered.accepted)
     # a pipe cannot be read twice
     found = survey(log, config, selection.channel) if log.is_file() or not log.exists() else Survey()
     part = Part(selection, found, config)
@@ -76,9 +76,9 @@ class ReplayRun:
         self._log, self._core, self._channel = log, core, channel
         self.reader = LogReader(log, channel, shows=True)
 
-    def made(self, part: Part) -> Iterator[tuple[Outgoing, str]]:
+    def made(self, part: Part) -> Iterator[tuple[Made, str]]:
         """What the core makes of the log, as far as it is needed for a part, and the channel."""
-        return outgoing_of_log(self._core, self.reader, part.read)
+        return made_of_log(self._core, self.reader, part.read)
 
     @property
     def status(self) -> Status:
@@ -93,7 +93,7 @@ class ReplayRun:
             print(f"wrcd: warning: {warning}", file=sys.stderr)
         read, counts = self.reader.damage.read, self._core.counts
         if not counts.accepted:
-            mapped = ", ".join(map(id_text, sorted(self._core.receiver.keys)))
+            mapped = ", ".join(map(id_text, sorted(self._core.mapped.keys)))
             there = counted_ids(self._ids()) if self._log.is_file() else ""
             print(
                 f"wrcd: error: {self._log}: none of its {read} frames is a usable input of this configuration: it maps "

@@ -9,18 +9,20 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO, Any, Self
 
-from wrcd.bus.candump import format_line
+import numpy as np
+
+from wrcd.bus.candump import format_lines
 from wrcd.bus.codec import message_key, position
 from wrcd.bus.dbc import Message, find_message, find_signal
 from wrcd.bus.positions import Position
 from wrcd.bus.signals import Output, OutputSignal
+from wrcd.core.causes import Cause
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
 from wrcd.core.design import Design
 from wrcd.core.events import COLUMNS as EVENT_COLUMNS
 from wrcd.core.events import csv_line
-from wrcd.core.messages import Outgoing
-from wrcd.core.records import Estimate
+from wrcd.core.reports import Made
 from wrcd.errors import InputError, create
 from wrcd.logs.exports import GatherExports
 from wrcd.logs.feed import Part
@@ -28,6 +30,7 @@ from wrcd.logs.rule_sentences import sentence
 from wrcd.logs.story_events import NewChanges
 
 OPTIONS = {"-o": ".log", "--csv": ".csv", "--events": ".events.csv", "--mf4": ".mf4", "--mcap": ".mcap"}  # and suffixes
+_CAUSES = tuple(Cause)  # by their number
 SCREEN = Path("-")  # stands for standard output
 START_BYTES = 4096  # of a file that is asked whose it is
 
@@ -118,7 +121,6 @@ class Writing:
                 self._rows = AdhesionRows(files.enter_context(create(outputs.rows)), config, explained, part)
             elif explained or not (outputs.files or outputs.events):
                 self._rows = AdhesionRows(sys.stdout, config, explained, part)
-            core.explains = self._rows is not None
             if gathered is not None:
                 files.callback(gathered.close)
             self._files = files.pop_all()
@@ -129,17 +131,17 @@ class Writing:
     def __exit__(self, *_: object) -> None:
         self._files.close()
 
-    def write(self, made: Iterator[tuple[Outgoing, str]]) -> None:
+    def write(self, parts: Iterator[tuple[Made, str]]) -> None:
         """Write what of the frames made, and of the changes behind them, is wanted."""
-        for o, channel in made:
-            if self._part.wants(o):
-                self.sent += 1
-                if self._frames:
-                    self._frames.write(format_line(o.frame, channel) + "\n")
-                if self._rows:
-                    self._rows.write(o)
-                if self._gathered:
-                    self._gathered.sent(o)
+        for part, channel in parts:
+            made = self._part.wanted(part)
+            self.sent += len(made)
+            if self._frames:
+                self._frames.write(format_lines(made.frames, channel))
+            if self._rows:
+                self._rows.write(made)
+            if self._gathered:
+                self._gathered.sent(made)
             self._look()
         self._look()
 
@@ -168,7 +170,6 @@ class AdhesionRows:
         self._writer = csv.writer(file, lineterminator="\n")
         self._writer.writerow((*COLUMNS, *REASONS) if explained else COLUMNS)
         self._design, self._explained = config.design, explained
-        self._place = {a.number: place for place, a in enumerate(config.axles)}
         self._origin_us = part.origin_us
         self._messages: dict[int, tuple[Cells, int]] = {}  # by Frame.key
         for a in config.axles:
@@ -176,19 +177,23 @@ class AdhesionRows:
                 message = find_message(config.database, a.adhesion.message)
                 self._messages[message_key(message)] = Cells(message, a.adhesion), a.number
 
-    def write(self, o: Outgoing) -> None:
+    def write(self, made: Made) -> None:
         """One row for an Adhesion frame, nothing for others."""
-        frame, why = o.frame, o.why
-        found = self._messages.get(frame.key)
-        if found is None:
-            return
-        cells, number = found
-        stamp = _seconds(frame.stamp_us - self._origin_us)
-        place = self._place[number]
-        row = [stamp, number, *cells.of(frame.data), o.cause.words, *_interval(why, place)]
-        if self._explained:
-            row += _reasons(self._design, why, place)
-        self._writer.writerow(row)
+        frames = made.frames[np.isin(made.frames["word"], list(self._messages))]
+        reports = made.reports[frames["report"]]
+        estimates = reports["estimate"]
+        columns = (frames[name].tolist() for name in ("stamp_us", "word", "length", "cause"))
+        known = (reports["has_estimate"], estimates["mu_available_pct"], estimates["half_width_pp"])
+        for (stamp_us, word, length, cause), data, of, estimate in zip(
+            zip(*columns, strict=True), frames["data"], zip(*(x.tolist() for x in known), strict=True), estimates,
+            strict=True,
+        ):  # fmt: skip
+            cells, number = self._messages[word]
+            stamp = _seconds(stamp_us - self._origin_us)
+            row = [stamp, number, *cells.of(data.tobytes()[:length]), _CAUSES[cause].words, *_interval(*of)]
+            if self._explained:
+                row += _reasons(self._design, estimate if of[0] else None)
+            self._writer.writerow(row)
 
 
 def _seconds(us: int) -> str:
@@ -239,21 +244,20 @@ def _cell(value: Any, factor: float, of: str) -> str:
     return f"{value:.2f}" if isinstance(value, float) else str(value)
 
 
-def _interval(why: Estimate | None, place: int) -> list[str]:
+def _interval(is_known: int, mu: float, half: float) -> list[str]:
     """The 90 % interval that was estimated: its half-width in percentage points, its ends in percent."""
-    if why is None or not math.isfinite(why.half_width_pp[place]):
+    if not is_known or not math.isfinite(half):
         return ["", "", ""]
-    mu, half = float(why.mu_available_pct[place]), float(why.half_width_pp[place])
     return [f"{half:.2f}", f"{max(mu - half, 0.0):.2f}", f"{mu + half:.2f}"]
 
 
-def _reasons(design: Design, why: Estimate | None, place: int) -> list[str]:
+def _reasons(design: Design, why: Any) -> list[str]:
     """The model that fits best against its own range, the rule that weighs most, and its share."""
     if why is None:
         return ["", "", ""]
-    winner, rule = int(why.winner[place]), int(why.rule[place])
+    winner, rule = int(why["winner"]), int(why["rule"])
     model = f"{winner}: {design.model_names[winner - 1]}" if winner else ""
-    return [model, f"{rule}: {sentence(design, rule - 1)}" if rule else "", f"{why.rule_share[place]:.2f}"]
+    return [model, f"{rule}: {sentence(design, rule - 1)}" if rule else "", f"{why['rule_share']:.2f}"]
 
 
 def check_output(output: Path, inputs: Sequence[Path | None], key: str = "-o") -> None:

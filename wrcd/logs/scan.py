@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from wrcd.bus.e2e import Checker, crcs
+from wrcd.bus.e2e import crc_of_data_id, crcs
 from wrcd.bus.frame import Frame
 from wrcd.logs.columns import Item, Stretch
 from wrcd.logs.reader import LogReader
@@ -161,7 +161,7 @@ def are_good(frames: Frames, length: int, data_id: int | None) -> NDArray[np.boo
     """Which frames have a message's length, and the CRC that fits where it is under E2E Profile 11, (n,)."""
     good: NDArray[np.bool_] = frames.lengths == length
     if data_id is not None and frames.data.shape[1] >= length:
-        good &= crcs(frames.data, Checker(data_id).start, length) == frames.data[:, 0]
+        good &= crcs(frames.data, crc_of_data_id(data_id), length) == frames.data[:, 0]
     return good
 
 

@@ -5,6 +5,7 @@ from array import array
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,12 +19,11 @@ from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
 from wrcd.core.events import Change
-from wrcd.core.records import Estimate
 from wrcd.core.terms import MODELS
 from wrcd.errors import InputError
 from wrcd.logs import statistics, story_events, truth, verdict
 from wrcd.logs.decoder import OwnFrames
-from wrcd.logs.feed import outgoing_of_log
+from wrcd.logs.feed import made_of_log, outgoing
 from wrcd.logs.mapped_inputs import MappedInputs, distance
 from wrcd.logs.reader import LogReader
 from wrcd.logs.scan import Gathering, Scan, scan
@@ -57,7 +57,7 @@ class FrameEstimates:
     residuals: "array[float]" = field(default_factory=lambda: array("f"))  # four a frame
     chosen: "array[int]" = field(default_factory=lambda: array("h"))  # model, rule and cause of a frame
 
-    def put(self, time_us: int, why: Estimate | None, place: int, cause: Cause) -> None:
+    def put(self, time_us: int, why: Any, cause: Cause) -> None:
         """Take down a frame's."""
         self.time_us.append(time_us)
         if why is None:
@@ -65,10 +65,10 @@ class FrameEstimates:
             self.residuals.extend([np.nan] * MODELS)
             self.chosen.extend((0, 0, int(cause)))
             return
-        mu, half = float(why.mu_available_pct[place]), float(why.half_width_pp[place])
+        mu, half = float(why["mu_available_pct"]), float(why["half_width_pp"])
         self.ends_pct.extend((max(mu - half, 0.0), mu + half) if np.isfinite(half) else (np.nan, np.nan))
-        self.residuals.extend(why.residuals[place].tolist())
-        self.chosen.extend((int(why.winner[place]), int(why.rule[place]), int(cause)))
+        self.residuals.extend(why["residuals"].tolist())
+        self.chosen.extend((int(why["winner"]), int(why["rule"]), int(cause)))
 
     def _by_time(self) -> NDArray[np.int64]:
         """The order that the frames are in once they are gathered."""
@@ -100,14 +100,13 @@ def estimate(
     new_changes = NewChanges(core, onward)
     answers = {a.number: FrameEstimates() for a in config.axles}
     of_message = {
-        message_key(find_message(config.database, a.adhesion.message)): (place, answers[a.number])
-        for place, a in enumerate(config.axles)
+        message_key(find_message(config.database, a.adhesion.message)): answers[a.number] for a in config.axles
     }
-    for number, (o, _) in enumerate(outgoing_of_log(core, reader)):
+    for number, (o, _) in enumerate(outgoing(made_of_log(core, reader))):
         stamp_us = onward.made(o.frame.stamp_us)
         gathering.put((replace(o.frame, stamp_us=stamp_us), channel or ""))
         if (found := of_message.get(o.frame.key)) is not None:
-            found[1].put(stamp_us, o.why, found[0], o.cause)
+            found.put(stamp_us, o.why, o.cause)
         changes += new_changes.take()
         if number % 1024 == 0:
             reached(stamp_us)

@@ -288,9 +288,9 @@ class BusModel:
         self._looked_us = 0  # for inputs that have come
         self.watched: dict[int, WatchedMessage] = {}
         self.of_axle: dict[int, list[WatchedMessage]] = {a.number: [] for a in self.axles}  # the daemon's about it
-        for key, reader in self.inputs.readers.items():
-            message = find_message(config.database, reader.name)
-            self.watched[key] = WatchedMessage(message, reader.data_id, hold_us)
+        for key, m in self.inputs.messages.items():
+            message = find_message(config.database, m.name)
+            self.watched[key] = WatchedMessage(message, m.data_id, hold_us)
         self.daemon: dict[str, DaemonMessage] = {}  # its own messages, by the vocabulary's name
         for decoder in self._own.decoders.values():
             watched = WatchedMessage(decoder.message, decoder.data_id, hold_us, decoder.cycle_us)
@@ -375,7 +375,7 @@ class BusModel:
 
     def inputs_within(self, begin_us: int, end_us: int) -> Scan:
         """Return the good frames of mapped messages of a time, as those of a log."""
-        frames = {key: self.watched[key].within(begin_us, end_us) for key in self.inputs.readers}
+        frames = {key: self.watched[key].within(begin_us, end_us) for key in self.inputs.messages}
         first_us, last_us = max(begin_us, self.begin_us or 0), min(end_us, self.now_us)
         return Scan(Path(), begin_us=first_us, end_us=last_us, frames={k: f for k, f in frames.items() if len(f)})
 

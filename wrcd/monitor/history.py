@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wrcd.core.causes import Validity
-from wrcd.core.input_buffers import NEVER
+from wrcd.core.details import NEVER
 from wrcd.logs.story_events import NO_FRAME, falls_of, of_frames
 from wrcd.logs.story_records import Event, Fall, StoryAxle
 

@@ -15,7 +15,7 @@ from wrcd.core.causes import Validity
 from wrcd.core.configuration import RecorderConfig
 from wrcd.core.core import Core
 from wrcd.core.events import COLUMNS, MAX_KEPT, csv_line, csv_time
-from wrcd.core.messages import Report
+from wrcd.core.reports import Report
 from wrcd.recorder.dump_folder import LOG, dump_name, safe_channel_name
 from wrcd.recorder.ring import CLASSICAL_BYTES, FD_BYTES, RECEIVED, SENT, Ring
 from wrcd.recorder.writer import Child, Request, start
@@ -70,7 +70,7 @@ class Recorder:
         self._folder, self._config, self._core, self._write = config.folder, config, core, write
         self._channel = safe_channel_name(channel)
         frames_per_s = max(FRAMES_PER_S, AXLE_FRAMES_PER_S * len(core.config.axles))
-        data_bytes = FD_BYTES if core.receiver.fd else CLASSICAL_BYTES
+        data_bytes = FD_BYTES if core.mapped.fd else CLASSICAL_BYTES
         self._ring = Ring(math.ceil(config.seconds * (1 + SPARE_SHARE) * frames_per_s), data_bytes)
         self._changes: deque[tuple[int, str]] = deque(maxlen=MAX_KEPT)  # of Validity, by position as rows
         self._changes_told = core.events.total

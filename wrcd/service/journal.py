@@ -114,7 +114,7 @@ class CounterLog:
             _RateLimitedCounter(lambda: health.overruns, "left out {n} frames: their slot was over"),
             _RateLimitedCounter(lambda: counts.time_steps, "the clock stepped: started anew"),
             _RateLimitedCounter(
-                lambda: core.waits, "an axle is reset again and again by absurd measurements: it waits longer"
+                lambda: counts.waits, "an axle is reset again and again by absurd measurements: it waits longer"
             ),
         )
         self._state: LinkState = "Up"

@@ -11,7 +11,7 @@ from wrcd.bus.batch import FrameBatch
 from wrcd.bus.frame import Frame
 from wrcd.bus.link import Link
 from wrcd.core.core import BACKWARD_STEP_US, FORWARD_STEP_US, Core
-from wrcd.core.messages import Outgoing
+from wrcd.core.reports import Outgoing
 from wrcd.recorder.recorder import Recorder
 from wrcd.service.journal import CounterLog, log_line
 from wrcd.service.notify import Notifier
@@ -59,7 +59,6 @@ class Daemon:
         self.core, self.link = core, link
         self._recorder = recorder
         core.health.link = link.health
-        core.explains = False
         self._watch = CounterLog(core, link, write)
         self._notifier = notifier or Notifier({})
         self._clock, self._monotonic = clock, steady
@@ -100,7 +99,8 @@ class Daemon:
                 out += self._bridge(frame.stamp_us, stood_us) + self._feed([frame])
         self._silent = self._silent_ticks(now, found=counts.seen > before)
         if self._silent >= SILENT_TICKS:
-            out += self._bridge(now - SETTLE_US, stood_us) + self.core.advance(now - SETTLE_US)
+            out += self._bridge(now - SETTLE_US, stood_us)
+            out += self.core.advance(now - SETTLE_US)
         self._note_time(now, steady_us)
         self._send(out)
         self._look_after(now, in_time=counts.ticks > ticks and self._in_time())
@@ -119,7 +119,7 @@ class Daemon:
         if self._recorder is not None:
             self._recorder.received(frames)
         if isinstance(frames, FrameBatch):
-            return self.core.feed_batch(frames)
+            return list(self.core.feed(frames))
         return [o for frame in frames for o in self.core.feed(frame)]
 
     def _bridge(self, until_us: int, stood_us: int) -> list[Outgoing]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from sim_ecu.reporting.values import Figure
 from sim_ecu.score.metrics import bootstrap
 from sim_ecu.score.score_play import FloatArray, Trace
-from wrcd.core.messages import surface
+from wrcd.core.reports import surface
 from wrcd.core.vocabulary import SURFACES
 
 OURS = "wrcd"

@@ -1,4 +1,4 @@
-"""What a receiver should make of Adhesion frames, by wrcd.bus.e2e.Checker: none of a kit's code.
+"""What a receiver should make of Adhesion frames, by the core's check of E2E: none of a kit's code.
 
 Verdicts are adhesion.h's numbers.
 """
@@ -8,10 +8,10 @@ from enum import IntEnum
 from typing import Any
 
 from wrcd.bus.dbc import find_message
-from wrcd.bus.e2e import Checker
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
 from wrcd.core.configuration import AxleConfig, Config
+from wrcd.core.reading import Checker
 
 
 class Verdict(IntEnum):
@@ -86,7 +86,7 @@ class Reading:
         reason = _check(axle, axle.checker, f, right)
         counter, before = f.data[1] & 0x0F, axle.counter
         if reason is not None:
-            if reason is Reason.TWO_SENDERS and axle.checker._last == counter:
+            if reason is Reason.TWO_SENDERS and axle.checker.state["last"] == counter:
                 axle.counter = counter
             return REFUSED[reason]
         axle.counter = counter
@@ -96,16 +96,17 @@ class Reading:
 
 def _check(axle: _Axle, checker: Checker, f: Frame, right: bool) -> Reason | None:
     """What the checker says, but that no sender starts anew within half a cycle: it then knows of no frame before."""
-    counter, last, payload = f.data[1] & 0x0F, checker._last, checker._payload
-    kept, moves = checker._candidate, checker._moves
-    if not right or last is None or 1 <= (counter - last) % 15 <= 3:
+    counter, state = f.data[1] & 0x0F, checker.state
+    before = state.copy()
+    last, payload = int(before["last"]), before["payload"][: before["payload_bytes"]].tobytes()
+    if not right or last < 0 or 1 <= (counter - last) % 15 <= 3:
         return checker.check(f.data)
     soon = axle.beside_us is not None and f.stamp_us - axle.beside_us < axle.axle.adhesion.cycle_us // 2
-    if soon and checker._frames_since_candidate == 0:
-        checker._candidate = None
+    if soon and before["frames_since_candidate"] == 0:
+        state["candidate"] = -1
     reason = checker.check(f.data)
-    if (counter, f.data, moves) == (last, payload, checker._moves):  # a copy of the newest one
-        checker._candidate = kept
+    if (counter, f.data, before["moves"]) == (last, payload, state["moves"]):  # a copy of the newest one
+        state["candidate"] = before["candidate"]
     else:
         axle.beside_us = f.stamp_us
     return reason

@@ -30,9 +30,14 @@ def test_batch_keeps_every_classical_frame() -> None:
     assert list(FrameBatch.of([])) == []
 
 
-def test_batch_rejects_can_fd() -> None:
-    with pytest.raises(ValueError, match="CAN FD"):
-        FrameBatch.of([*KINDS, Frame(NOW, 0x101, bytes(12), fd=True)])
+@pytest.mark.parametrize("length", [0, 8, 12, 64])
+def test_batch_keeps_can_fd_among_classical_frames(length: int) -> None:
+    long = Frame(NOW + 7, 0x101, bytes(range(1, length + 1)), fd=True)
+    extended = Frame(NOW + 8, 0x18FF0001, bytes(length), extended=True, fd=True)
+    every = [*KINDS, long, *KINDS, extended]
+    batch = FrameBatch.of(every)
+    assert (list(batch), len(batch)) == (every, len(every))
+    assert [batch.frame(k) for k in range(len(batch))] == every
 
 
 class Ends(CanBus):

@@ -10,13 +10,16 @@ import pytest
 from tests.support.can_ids import ADHESION_A1, YAW_RATE_A1, YAW_RATE_A2
 from tests.support.dbc import DIRECTION_AND_LOAD_DBC, TRAIN_DBC, database
 from wrcd import resources
-from wrcd.bus.codec import Receiver, Sample, Value, Writer
+from wrcd.bus.codec import Value, Writer
 from wrcd.bus.dbc import Database, find_message, load_dbc
 from wrcd.bus.e2e import protect
 from wrcd.bus.frame import Frame
+from wrcd.bus.mapping import Mapped
 from wrcd.bus.reasons import Reason
 from wrcd.bus.signals import Source, StatusRule
 from wrcd.bus.units import Quantity
+from wrcd.core.reading import Receiver, Sample
+from wrcd.errors import InputError
 
 STATUS = StatusRule("YawRate_A1", "Status", frozenset({0}), frozenset({1}))
 
@@ -56,6 +59,7 @@ def test_frame_of_the_other_id_length_is_another_message(production: Database) -
         (Frame(0, YAW_RATE_A1, yaw() + b"\0"), Reason.LENGTH),
         (Frame(0, YAW_RATE_A1, b""), Reason.LENGTH),
         (Frame(0, YAW_RATE_A1, yaw(), remote=True), Reason.KIND),
+        (Frame(0, YAW_RATE_A1, b"", remote=True, extra=15), Reason.KIND),  # that a DLC asks for
         (Frame(0, YAW_RATE_A1, yaw(), fd=True), Reason.KIND),
         (Frame(0, YAW_RATE_A1, bytes([yaw()[0] ^ 1]) + yaw()[1:]), Reason.CRC),
         (Frame(0, YAW_RATE_A1, yaw(status=14)), Reason.STATUS),
@@ -133,14 +137,14 @@ def test_range_ends_at_its_last_step(
 ) -> None:
     (tmp_path / "own.dbc").write_text(SENSOR_DBC)
     sources = [Source(signal="S", quantity=Quantity.LAT_ACCEL, axles=(0,), **source)]
-    ((_, upper),) = Receiver(load_dbc(tmp_path / "own.dbc"), sources).ends
+    ((_, upper),) = [s.ends for s in Mapped(load_dbc(tmp_path / "own.dbc"), sources).signals]
     assert last_within < upper <= first_at
 
 
 def test_zero_is_no_end_of_a_range(tmp_path: Path) -> None:
     (tmp_path / "own.dbc").write_text(SENSOR_DBC)
-    receiver = Receiver(load_dbc(tmp_path / "own.dbc"), [Source("OneSided", "S", Quantity.LAT_ACCEL, (0,))])
-    ((lower, upper),) = receiver.ends
+    mapped = Mapped(load_dbc(tmp_path / "own.dbc"), [Source("OneSided", "S", Quantity.LAT_ACCEL, (0,))])
+    ((lower, upper),) = [s.ends for s in mapped.signals]
     assert lower == -math.inf
     assert 19.99 < upper < 20.0
 
@@ -175,6 +179,47 @@ def test_bit_pattern_in_the_value_table_of_a_signed_signal_is_no_measurement() -
     assert Receiver(dbc, [rate]).read(Frame(0, 800, b"\x00\x80\0")) is Reason.STATUS
     assert isinstance(Receiver(dbc, [rate]).read(Frame(0, 800, b"\x01\x80\0")), list)
     assert Receiver(dbc, [way]).read(Frame(0, 800, b"\0\0\x03")) == [Sample(0, -1.0)]
+
+
+def test_direction_is_told_by_words_of_any_number() -> None:
+    dbc = database(
+        'BO_ 800 M: 1 B\n SG_ Way : 0|4@1+ (1,0) [0|15] "" B\nVAL_ 800 Way 0 "Forward" 2 "Reverse" 5 "Backward" ;\n'
+    )
+    way = Source("M", "Way", Quantity.DIRECTION, (0,))
+    got = [Receiver(dbc, [way]).read(Frame(0, 800, bytes([raw]))) for raw in (0, 1, 2, 5)]
+    assert got == [[Sample(0, value)] for value in (1.0, 1.0, -1.0, -1.0)]
+
+
+def test_words_that_no_field_can_say_are_none() -> None:
+    """Tables of others have bit patterns of longer fields."""
+    dbc = database(
+        'BO_ 800 M: 8 B\n SG_ Rate : 0|8@1- (0.1,0) [-10|10] "rad/s" B\n'
+        f'VAL_ 800 Rate {1 << 65} "SNA" {(1 << 64) - 1} "Error" {-(1 << 63) - 1} "Invalid" ;\n'
+        'BO_ 801 W: 8 B\n SG_ Way : 0|64@1+ (1e-12,0) [0|0] "" B\n'
+        f'VAL_ 801 Way {(1 << 64) - 1} "Reverse" {1 << 65} "Backward" ;\n'
+    )
+    rate, way = Source("M", "Rate", Quantity.YAW_RATE, (0,)), Source("W", "Way", Quantity.DIRECTION, (0,))
+    assert Receiver(dbc, [rate]).read(Frame(0, 800, b"\xff" + bytes(7))) == [Sample(0, -0.1)]
+    assert Receiver(dbc, [way]).read(Frame(0, 801, b"\xff" * 8)) == [Sample(0, -1.0)]
+    assert Receiver(dbc, [way]).read(Frame(0, 801, bytes(8))) == [Sample(0, 1.0)]
+
+
+def test_id_that_no_frame_has_is_not_one_of_fewer_bits() -> None:
+    dbc = database('BO_ 800 M: 1 B\n SG_ V : 0|8@1+ (1,0) [0|255] "m/s" B\n')
+    speed = Source("M", "V", Quantity.SPEED, (0,))
+    assert Receiver(dbc, [speed]).read(Frame(0, 800, b"\1")) == [Sample(0, 1.0)]
+    assert Receiver(dbc, [speed]).read(Frame(0, 800 + 2048, b"\1")) is None
+
+
+def test_signal_of_more_than_64_bits_is_refused_before_it_comes() -> None:
+    dbc = database(
+        'BO_ 800 M: 16 B\n SG_ Wide : 16|72@1+ (1,0) [0|0] "" B\n SG_ V : 0|8@1+ (1,0) [0|255] "m/s" B\n'
+        'BA_DEF_ BO_ "VFrameFormat" INT 0 15;\nBA_DEF_DEF_ "VFrameFormat" "0";\nBA_ "VFrameFormat" BO_ 800 14;\n'
+    )
+    status = StatusRule("M", "Wide", frozenset((1,)), frozenset())
+    source = Source("M", "V", Quantity.SPEED, (0,), statuses=(status,))
+    with pytest.raises(InputError, match="a signal of 72 bits is mapped, as status or multiplexer; 64 are the most"):
+        Receiver(dbc, [source])
 
 
 def test_adhesion_frame_is_encoded_and_protected(production: Database) -> None:

@@ -1,23 +1,32 @@
-"""Shift and mask against cantools: signals of any length, place, byte order and sign."""
+"""Where signals lie, and what they say, against cantools: of any length, place, byte order, sign and coding."""
 
 import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wrcd.bus.codec import Receiver, SignalReader, Value, Writer
+from tests.support.dbc import database
+from tests.support.told_stages import packed
+from wrcd.bus.codec import Value, Writer
 from wrcd.bus.dbc import Database, Message, find_message, parse_dbc
 from wrcd.bus.frame import Frame
+from wrcd.bus.mapping import MappedSignal
+from wrcd.bus.positions import Numbers
 from wrcd.bus.reasons import Reason
 from wrcd.bus.signals import Source
 from wrcd.bus.units import Quantity
+from wrcd.core.reading import Receiver
 
 CAN_ID = 800
 SCALES = ("1", "0.01", "2.5", "-0.5", "0.000001", "3")
 OFFSETS = ("0", "-40", "12.5", "1000")
+FD_LENGTHS = (12, 16, 20, 24, 32, 48, 64)
+MAX_SIGNALS = 64
+SMALL = 2.0**-80  # a factor with which any whole number is within its quantity's limit, and that rounds none
 
 
 @dataclass(frozen=True)
@@ -34,24 +43,29 @@ class Layout:
 
 
 @st.composite
-def layouts(draw: st.DrawFn, longest: int = 64, mixed: bool = True, unit: str = "m/s") -> Layout:
-    """Signals one after another with gaps, in parts of whole bytes that are little or big endian."""
-    length = draw(st.integers(1, 8))
+def layouts(draw: st.DrawFn, longest: int = 64, mixed: bool = True, unit: str = "m/s", odd: bool = False) -> Layout:
+    """Signals one after another with gaps, in parts of whole bytes that are little or big endian. odd: CAN FD, and
+    floating-point numbers, too."""
+    length = draw(st.integers(1, 8) | st.sampled_from(FD_LENGTHS) if odd else st.integers(1, 8))
     cut = draw(st.integers(0, length)) if mixed else 0
     lines: list[str] = []
     names: list[str] = []
+    floats: list[str] = []
     for first, end in ((0, cut), (cut, length)):
         little = draw(st.booleans())
         bit, bits = draw(st.integers(0, 7)), 8 * (end - first)
-        while bit < bits:
-            size = draw(st.integers(1, min(bits - bit, longest)))
+        while bit < bits and len(names) < MAX_SIGNALS:
+            fitting = [n for n in (16, 32, 64) if n <= bits - bit] if odd and draw(st.booleans()) else []
+            size = draw(st.sampled_from(fitting) if fitting else st.integers(1, min(bits - bit, longest)))
             start = 8 * first + bit if little else 8 * (first + bit // 8) + 7 - bit % 8
             names.append(f"S{len(names)}")
-            sign = draw(st.sampled_from("+-"))
+            if fitting:
+                floats.append(f"SIG_VALTYPE_ {CAN_ID} {names[-1]} : {2 if size == 64 else 1};\n")
+            sign = "-" if fitting else draw(st.sampled_from("+-"))
             scale, offset = draw(st.sampled_from(SCALES)), draw(st.sampled_from(OFFSETS))
             lines.append(f' SG_ {names[-1]} : {start}|{size}@{int(little)}{sign} ({scale},{offset}) [0|0] "{unit}" B\n')
             bit += size + draw(st.integers(0, 9))
-    text = f'VERSION ""\nNS_ :\nBS_:\nBU_: B\nBO_ {CAN_ID} M: {length} B\n{"".join(lines)}'
+    text = f'VERSION ""\nNS_ :\nBS_:\nBU_: B\nBO_ {CAN_ID} M: {length} B\n{"".join(lines + floats)}'
     return Layout(text, length, tuple(names))
 
 
@@ -65,39 +79,60 @@ def decoded(message: Message, data: bytes, scaling: bool) -> dict[str, Any]:
     return found
 
 
-@given(layouts(), st.data())
+def frame_of(layout: Layout, data: bytes) -> Frame:
+    return Frame(0, CAN_ID, data, fd=layout.length > 8)
+
+
+def reason_of(value: float, quantity: Quantity, low: float = -math.inf) -> Reason | None:
+    """Why a value is refused."""
+    if not math.isfinite(value):
+        return Reason.NOT_FINITE
+    return None if abs(value) <= quantity.limit and value > low else Reason.RANGE
+
+
+def values_of(got: Any) -> list[float]:
+    assert isinstance(got, list)
+    return [s.value for s in got]
+
+
+@given(layouts(odd=True), st.data())
 def test_every_signal_is_decoded_as_by_cantools(layout: Layout, data: st.DataObject) -> None:
     message = message_of(layout)
-    frame = data.draw(st.binary(min_size=layout.length, max_size=layout.length))
-    raw, physical = decoded(message, frame, scaling=False), decoded(message, frame, scaling=True)
+    content = data.draw(st.binary(min_size=layout.length, max_size=layout.length))
+    raw, physical = decoded(message, content, scaling=False), decoded(message, content, scaling=True)
     for number, name in enumerate(layout.names):
         source = Source("M", name, Quantity.SPEED, (0,))
-        reader = SignalReader(number, source, message)
-        assert reader.position.raw(int.from_bytes(frame, reader.position.order)) == raw[name]
-        got = Receiver(layout.database, [source]).read(Frame(0, CAN_ID, frame))
-        if abs(physical[name]) <= Quantity.SPEED.limit:
-            assert isinstance(got, list)
-            assert [s.value for s in got] == [float(physical[name])]
+        found = MappedSignal(number, source, message).field.raw(Numbers(content))
+        assert found == raw[name] or (math.isnan(found) and math.isnan(raw[name]))
+        got = Receiver(layout.database, [source]).read(frame_of(layout, content))
+        reason = reason_of(float(physical[name]), Quantity.SPEED)
+        if reason is None:
+            assert values_of(got) == [float(physical[name])]
         else:
-            assert got is Reason.RANGE
+            assert got is reason
+        if abs(physical[name]) < 1e24:
+            small = Source("M", name, Quantity.SPEED, (0,), factor=SMALL)
+            (value,) = values_of(Receiver(layout.database, [small]).read(frame_of(layout, content)))
+            assert math.isclose(value, float(physical[name]) * SMALL, rel_tol=1e-15)
 
 
-@given(layouts(unit="N"), st.data())
+@given(layouts(unit="N", odd=True), st.data())
 def test_a_whole_message_is_decoded_as_by_cantools(layout: Layout, data: st.DataObject) -> None:
     """Byte orders mixed or not: every sample, or the frame as a whole is rejected."""
     message = message_of(layout)
-    sources = [Source("M", name, Quantity.AXLE_LOAD, (k,)) for k, name in enumerate(layout.names)]
+    sources = [Source("M", name, Quantity.AXLE_LOAD, (k % 8,)) for k, name in enumerate(layout.names)]
     if not sources:
         return
     receiver = Receiver(layout.database, sources)
-    frame = data.draw(st.binary(min_size=layout.length, max_size=layout.length))
-    physical = decoded(message, frame, scaling=True)
-    got = receiver.read(Frame(0, CAN_ID, frame))
-    if all(0 < physical[name] <= Quantity.AXLE_LOAD.limit for name in layout.names):
+    content = data.draw(st.binary(min_size=layout.length, max_size=layout.length))
+    physical = [float(decoded(message, content, scaling=True)[name]) for name in layout.names]
+    got = receiver.read(frame_of(layout, content))
+    refused = next(filter(None, (reason_of(x, Quantity.AXLE_LOAD, 0.0) for x in physical)), None)
+    if refused is None:
         assert isinstance(got, list)
-        assert [(s.source, s.value) for s in got] == [(k, float(physical[n])) for k, n in enumerate(layout.names)]
+        assert [(s.source, s.value) for s in got] == list(enumerate(physical))
     else:
-        assert got is Reason.RANGE
+        assert got is refused
 
 
 @given(layouts(longest=32), st.data())
@@ -128,3 +163,25 @@ def test_any_values_are_written_as_by_cantools(layout: Layout, data: st.DataObje
     assert plain.order is not None or not layout.names
     by_cantools.order = None
     assert plain.frame(0, 0, values) == by_cantools.frame(0, 0, values)
+
+
+@pytest.mark.parametrize("sign", "+-")
+@pytest.mark.parametrize("bits", [8, 32, 53, 54, 60, 63, 64])
+def test_number_beyond_a_field_is_its_end(bits: int, sign: str) -> None:
+    text = f'BO_ {CAN_ID} M: 8 B\n SG_ S : 0|{bits}@1{sign} (1,0) [0|0] "" B\n'
+    by_cantools = Writer(find_message(database(text), "M"))
+    by_cantools.order = None
+    for value in (1e300, -1e300, 2.0**64, 2.0**61, -(2.0**63), None):
+        sent = packed(list(by_cantools.writers.values()), by_cantools.start, [value])
+        assert sent == by_cantools.frame(0, 0, {"S": value}).data
+
+
+@given(layouts(), st.data())
+def test_any_numbers_are_sent_by_the_core_as_by_cantools(layout: Layout, data: st.DataObject) -> None:
+    message = message_of(layout)
+    numbers = st.none() | st.floats(-1e12, 1e12) | st.floats(-1e300, 1e300) | st.sampled_from([math.nan, math.inf])
+    values = {name: data.draw(numbers) for name in layout.names}
+    by_cantools = Writer(message)
+    by_cantools.order = None
+    writers = list(by_cantools.writers.values())
+    assert packed(writers, by_cantools.start, list(values.values())) == by_cantools.frame(0, 0, values).data

@@ -8,9 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.support.can_ids import ADHESION_A1, YAW_RATE, YAW_RATE_A1, YAW_RATE_A2
-from wrcd.bus.e2e import CANDIDATE_FORGOTTEN, COUNTER_MODULO, MAX_LOST, MAX_MOVES, Checker, crc, protect
+from tests.support.stages import SuspectingChecker
+from wrcd.bus.e2e import COUNTER_MODULO, crc, protect
 from wrcd.bus.reasons import Reason
+from wrcd.core.reading import Checker
 
+# Counts that may be missing between two frames, frames after which a stray one is forgotten, senders that start anew.
+MAX_LOST, CANDIDATE_FORGOTTEN, MAX_MOVES = 2, 4, 2
 VECTORS = Path(__file__).parents[2] / "data" / "e2e_profile11_vectors.csv"
 
 
@@ -69,7 +73,7 @@ def test_frame_of_a_known_message_is_rejected_as_data_id() -> None:
 @pytest.mark.parametrize("apart", range(COUNTER_MODULO))
 @pytest.mark.parametrize("first", [True, False])
 def test_two_senders_are_both_rejected_from_the_third_frame(apart: int, first: bool) -> None:
-    checker = Checker(ADHESION_A1)
+    checker = SuspectingChecker(ADHESION_A1)
     for k in range(20):
         assert checker.check(sent(k, 1)) is None
     assert not checker.suspect
@@ -153,7 +157,7 @@ def test_restarted_sender_loses_one_frame() -> None:
 
 
 def test_suspicion_ends_after_some_frames_of_one_sender() -> None:
-    checker = Checker(ADHESION_A1)
+    checker = SuspectingChecker(ADHESION_A1)
     for k in range(20):
         checker.check(sent(k, 1))
         if k in (10, 11):
@@ -162,7 +166,7 @@ def test_suspicion_ends_after_some_frames_of_one_sender() -> None:
 
 
 def test_candidate_is_suspected_at_its_second_frame_then_forgotten() -> None:
-    checker = Checker(ADHESION_A1)
+    checker = SuspectingChecker(ADHESION_A1)
     for c in (0, 1, 2):
         checker.check(sent(c, 0))
     assert (checker.check(sent(9, 0)), checker.suspect) == (Reason.COUNTER, False)
@@ -182,3 +186,37 @@ def test_sender_restarting_more_than_max_moves_times_counts_as_two() -> None:
     verdicts = [(checker.check(sent(s, 0)), checker.check(sent(s + 1, 0))) for s in starts]
     assert verdicts[:-1] == [(Reason.COUNTER, None)] * MAX_MOVES
     assert verdicts[-1][1] is Reason.TWO_SENDERS
+
+
+@pytest.mark.parametrize(("frames", "is_one"), [(6, True), (5, False)])
+def test_sender_that_restarts_for_ever_is_one_if_it_runs_for_six_frames_between(frames: int, is_one: bool) -> None:
+    """Of which the second is the move, and four more make good for it."""
+    checker, counter, found = Checker(ADHESION_A1), 0, set[Reason | None]()
+    for _ in range(20):
+        for _ in range(frames):
+            counter = (counter + 1) % COUNTER_MODULO
+            found.add(checker.check(protect(bytes(8), ADHESION_A1, counter)))
+        counter += 7
+    assert (found == {None, Reason.COUNTER}) is is_one
+    assert (Reason.TWO_SENDERS in found) is not is_one
+
+
+@pytest.mark.parametrize(("member", "senders"), [("candidate_frames", "ab"), ("moves", "aabb")])
+def test_two_senders_are_refused_for_years(member: str, senders: str) -> None:
+    """From a billion frames on."""
+    checker, counters = Checker(ADHESION_A1), {"a": 0, "b": 7}
+
+    def run(rounds: int) -> set[Reason | None]:
+        found = set()
+        for one in rounds * senders:
+            counters[one] = (counters[one] + 1) % COUNTER_MODULO
+            found.add(checker.check(protect(bytes(8), ADHESION_A1, counters[one])))
+        return found
+
+    run(60)
+    if member == "moves":
+        checker.state[member] = (1 << 31) - 2
+    else:
+        assert checker.state[member] <= 3
+    assert run(60) == {Reason.TWO_SENDERS}
+    assert checker.state[member] > 0

@@ -12,14 +12,17 @@ import pytest
 from tests.support.can_socket import CHANNEL, CanBus
 from tests.support.dbc import database
 from wrcd.bus import socketcan
+from wrcd.bus.batch import FrameBatch, joined
 from wrcd.bus.candump import format_line
-from wrcd.bus.codec import Receiver, Sample
 from wrcd.bus.dbc import find_message
 from wrcd.bus.frame import Frame
 from wrcd.bus.opening import open_link
 from wrcd.bus.reasons import Reason
 from wrcd.bus.signals import Source
 from wrcd.bus.units import Quantity
+from wrcd.core.reading import Receiver, Sample
+from wrcd.core.tables import MAX_SIGNALS
+from wrcd.errors import InputError
 
 IMU_ID = 0x18FF0001
 FD_DBC = f"""
@@ -29,6 +32,7 @@ BO_ {1 << 31 | IMU_ID} Imu: 62 B
  SG_ Yaw : 135|24@0- (0.00001,0) [-80|80] "rad/s" B
  SG_ Lat : 455|32@0- (1,0) [-200|200] "m/s2" B
  SG_ Force : 160|64@1- (0.5,0) [0|0] "N" B
+ SG_ Behind : 224|8@1+ (1,0) [0|255] "" B
 BO_ 801 Short: 4 B
  SG_ V : 0|16@1+ (0.01,0) [0|100] "m/s" B
 BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","ExtendedCAN","reserved","StandardCAN_FD","ExtendedCAN_FD";
@@ -53,7 +57,7 @@ def receiver() -> Receiver:
 
 def imu(yaw: float, lat: float, force: float, counter: int) -> bytes:
     """By cantools and autosar-e2e."""
-    values = {"Crc": 0, "Counter": counter, "Yaw": yaw, "Lat": lat, "Force": force}
+    values = {"Crc": 0, "Counter": counter, "Yaw": yaw, "Lat": lat, "Force": force, "Behind": 255}
     data = bytearray(find_message(DBC, "Imu").encode(values).ljust(WIRE_BYTES, b"\0"))
     e2e.p11.e2e_p11_protect(data, 513, increment_counter=False)
     return bytes(data)
@@ -68,7 +72,7 @@ def test_long_frame_is_read_as_cantools_wrote_it() -> None:
         assert isinstance(got, Reason) == (abs(yaw) > 20)
         if isinstance(got, list):
             assert [s.value for s in got] == pytest.approx([yaw, lat, force])
-    assert r.fd
+    assert r.mapped.fd
 
 
 @pytest.mark.parametrize(
@@ -88,6 +92,31 @@ def test_frame_of_another_kind_or_length_is_rejected(frame: Frame, reason: Reaso
 
 def test_short_fd_frame_is_read() -> None:
     assert receiver().read(Frame(0, 801, b"\xc4\x09\0\0", fd=True)) == [Sample(3, 25.0)]
+
+
+def test_batches_are_joined_whatever_they_hold() -> None:
+    classical, long = Frame(1, 0x101, b"12345"), Frame(2, 0x321, bytes(range(12)), fd=True)
+    for first in (classical, long):
+        for second in (classical, long):
+            both = [(f.stamp_us, f.data) for f in joined(FrameBatch.of([first]), FrameBatch.of([second]))]
+            assert both == [(f.stamp_us, f.data) for f in (first, second)]
+
+
+@pytest.mark.parametrize("signals", [64, MAX_SIGNALS, MAX_SIGNALS + 1])
+def test_message_of_many_signals_is_read_or_refused_before_it_comes(signals: int) -> None:
+    lines = [f' SG_ S{k} : {4 * k}|4@1+ (1,0) [0|15] "m/s" B\n' for k in range(128)]
+    attribute = (
+        'BA_DEF_ BO_ "VFrameFormat" INT 0 15;\nBA_DEF_DEF_ "VFrameFormat" "0";\nBA_ "VFrameFormat" BO_ 801 14;\n'
+    )
+    dbc = database(f"BO_ 801 Long: 64 B\n{''.join(lines)}{attribute}")
+    sources = [Source("Long", f"S{k % 128}", Quantity.SPEED, (0,)) for k in range(signals)]
+    if signals > MAX_SIGNALS:
+        with pytest.raises(InputError, match="Long is mapped to 129 inputs, at most 128"):
+            Receiver(dbc, sources)
+        return
+    got = Receiver(dbc, sources).read(Frame(0, 801, bytes(range(64)), fd=True))
+    assert isinstance(got, list)
+    assert [s.value for s in got] == [(k // 2 >> 4 * (k % 2)) % 16 for k in range(signals)]
 
 
 @pytest.fixture
@@ -131,8 +160,8 @@ def test_python_can_is_opened_for_fd_where_it_is_wanted(monkeypatch: pytest.Monk
 
     monkeypatch.setattr(can, "Bus", bus)
     r = receiver()
-    link = open_link("virtual", "fd-test", r.keys, fd=r.fd)
-    open_link("virtual", "fd-test", r.keys).close()
+    link = open_link("virtual", "fd-test", r.mapped.keys, fd=r.mapped.fd)
+    open_link("virtual", "fd-test", r.mapped.keys).close()
     assert [options.get("fd") for options in asked] == [True, None]
     with made(interface="virtual", channel="fd-test") as other:
         data = imu(1, 2, 3, 0)

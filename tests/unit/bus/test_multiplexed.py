@@ -1,17 +1,20 @@
 """Signals of which a frame carries only some: simple and extended multiplexing."""
 
 import itertools
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from tests.support.dbc import database
-from wrcd.bus.codec import Receiver, Sample
+from wrcd.bus.batch import FrameBatch
 from wrcd.bus.dbc import Database, find_message
 from wrcd.bus.e2e import protect
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
 from wrcd.bus.signals import Source, StatusRule
 from wrcd.bus.units import Quantity
+from wrcd.core.reading import REASONS, Receiver, Sample
 
 SIMPLE = """
 BO_ 800 M: 8 B
@@ -67,13 +70,13 @@ def test_frame_without_a_mapped_signal_is_no_rejection_and_its_counter_counts(si
 
 def test_rejection_concerns_the_signals_that_the_frame_carries(simple: Database) -> None:
     r = Receiver(simple, SOURCES, {"M": 800})
-    bad = frame(1, 300, speed=60_000)
-    reader = r.reader(bad)
-    assert reader is not None
-    reason = reader.read(bad)
-    assert reason is Reason.RANGE
-    assert list(reader.concerned(bad, reason)) == [1, 2]
-    assert list(reader.concerned(bad, Reason.CRC)) == [0, 1, 2]
+    beyond = frame(1, 300, speed=60_000)
+    garbled = replace(beyond, data=b"\0" + beyond.data[1:])
+    for bad, reason, concerned in ((beyond, Reason.RANGE, [1, 2]), (garbled, Reason.CRC, [0, 1, 2])):
+        (found,), values = r.read_all(FrameBatch.of([bad]))
+        assert REASONS[found] is reason
+        assert values["input"].tolist() == concerned
+        assert np.isnan(values["value"]).all()
 
 
 def test_multiplexed_status_is_kept_for_the_other_frames(simple: Database) -> None:

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from tests.support.dbc import database
-from wrcd.bus.codec import Receiver, Sample
+from wrcd.bus.batch import FrameBatch
 from wrcd.bus.dbc import Database
 from wrcd.bus.e2e import protect
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
 from wrcd.bus.signals import Source, StatusRule
 from wrcd.bus.units import Quantity
-from wrcd.logs.columns import MIN_ROWS, Columns, stretches
+from wrcd.core.reading import NOT_MAPPED, REASONS, Receiver, Sample
 
 DBC = """
 BO_ 800 Gyro: 4 B
@@ -95,7 +95,7 @@ def test_many_statuses_are_each_looked_at() -> None:
 
 def test_status_of_another_message_is_mapped_and_its_newest_counts(dbc: Database) -> None:
     r = receiver(dbc, REMOTE)
-    assert r.keys == (800, 801, 802)
+    assert r.mapped.keys == (800, 801, 802)
     assert r.read(gyro(0)) is Reason.STATUS  # not known yet
     assert r.read(unit(1_000, 5, 0)) == []
     assert r.read(gyro(2_000)) == [Sample(0, 1.0)]
@@ -136,24 +136,27 @@ def test_reset_forgets_a_status(dbc: Database) -> None:
 
 @pytest.mark.parametrize("rules", [LOCAL, (REMOTE,), (*LOCAL, REMOTE)], ids=["local", "remote", "both"])
 @pytest.mark.parametrize("states", [(1, 3), (1, 2, 3), (1, 0)], ids=["good", "degraded", "bad"])
-def test_columns_read_what_one_frame_after_the_other_gives(
+def test_many_frames_at_once_are_read_as_one_after_the_other(
     dbc: Database, rules: tuple[StatusRule, ...], states: tuple[int, ...]
 ) -> None:
     chance = np.random.default_rng(1)
     frames = []
-    for k in range(4 * MIN_ROWS):
+    for k in range(128):
         if k % 4 == 0:
             frames.append(unit(1_000 * k, int(chance.choice([5, 5, 6, 7])), k // 4 % 15))
+            frames.append(Frame(1_000 * k, 0x7FF, b""))
         frames.append(gyro(1_000 * k, int(chance.choice(states)), int(chance.choice([-1, 0])), k + 1))
-    one_by_one, by_columns = receiver(dbc, *rules), receiver(dbc, *rules)
-    expected = [(f, one_by_one.read(f)) for f in frames if one_by_one.reader(f) is not None]
-    got, regular = [], False
-    (stretch,) = stretches((f, "can0") for f in frames)
-    assert not isinstance(stretch, tuple)
-    for row in Columns(by_columns).read(stretch):
-        frame = stretch.frame(row.place)
-        samples = row.reader.read(frame) if row.samples is None else list(row.samples)
-        got.append((frame, samples))
-        regular |= row.samples is not None
+    one_by_one = receiver(dbc, *rules)
+    expected = [one_by_one.read(f) for f in frames]
+    reasons, values = receiver(dbc, *rules).read_all(FrameBatch.of(frames))
+    rows = zip(*(values[x].tolist() for x in ("frame", "input", "value", "is_degraded", "is_contested")), strict=True)
+    samples: dict[int, list[Sample]] = {}
+    for frame, number, value, degraded, contested in rows:
+        samples.setdefault(frame, []).append(Sample(number, value, degraded != 0, contested != 0))
+    got = [
+        samples.get(k, []) if reason == 0 else None if reason == NOT_MAPPED else REASONS[reason]
+        for k, reason in enumerate(reasons.tolist())
+    ]
     assert got == expected
-    assert regular is (rules == LOCAL and 0 not in states)
+    assert None in got
+    assert (Reason.STATUS in got) is (rules != LOCAL or 0 in states)

@@ -4,11 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from wrcd.bus.codec import Receiver
+from wrcd.bus.batch import FrameBatch
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
 from wrcd.config.config import load_config
 from wrcd.core.configuration import Config
+from wrcd.core.reading import Receiver
 from wrcd.errors import InputError
 
 WORDS = '0 "Init" 1 "{good}" 2 "Impaired" 3 "Broken" ;'
@@ -129,10 +130,8 @@ def test_frame_is_accepted_whole_or_not_at_all(tmp_path: Path) -> None:
     assert isinstance(got, list)
     assert {config.inputs[s.source].source.signal for s in got} == {"Yaw1", "Acc1", "Load"}
     assert r.read(frame(2, 3)) is Reason.STATUS
-    reader = r.reader(frame(2, 3))
-    assert reader is not None
-    hit = [config.inputs[k].source.signal for k in reader.concerned(frame(2, 3), Reason.STATUS)]
-    assert hit == ["Load", "Yaw2", "Acc2"]
+    _, refused = r.read_all(FrameBatch.of((frame(2, 3),)))
+    assert [config.inputs[k].source.signal for k in refused["input"]] == ["Load", "Yaw2", "Acc2"]
 
 
 def test_status_of_another_branch_is_refused_with_the_ones_that_come_with_it(tmp_path: Path) -> None:

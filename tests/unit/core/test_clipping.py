@@ -19,7 +19,7 @@ from wrcd.config.config import load_config
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
 from wrcd.logs.damage import Damage
-from wrcd.logs.feed import outgoing, outgoing_of_stretches
+from wrcd.logs.feed import made, made_of_stretches, outgoing
 from wrcd.logs.reader import read_log, read_stretches
 
 SIGNAL = '"LatAccel_A1.LatAccel"'
@@ -100,7 +100,7 @@ def test_clipped_samples_of_a_log_are_those_of_the_bus(clipping_at: Callable[[fl
     sim, clip, log = SensorSimulator(clipping_at(0.25)), clipped_at(0.25), tmp_path / "ride.log"
     log.write_text("".join(format_line(f, "can0") + "\n" for _ in range(600) for f in clip(sim.frames())))
     live, replayed = Core(sim.config), Core(sim.config)
-    sent = [o.frame for o, _ in outgoing(live, read_log(log, Damage()))]
-    assert [o.frame for o, _ in outgoing_of_stretches(replayed, read_stretches(log, Damage()))] == sent
+    sent = [o.frame for o, _ in outgoing(made(live, read_log(log, Damage())))]
+    assert [o.frame for o, _ in outgoing(made_of_stretches(replayed, read_stretches(log, Damage())))] == sent
     assert live.counts.clipped == replayed.counts.clipped
     assert live.counts.clipped[1, "lateral acceleration"] > 3

@@ -2,8 +2,9 @@
 changes."""
 
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,12 +12,13 @@ import pytest
 from tests.support.can_ids import LAT_ACCEL_A1, TORQUE_A2, YAW_RATE_A1
 from tests.support.config_texts import AXLE
 from tests.support.sensor_simulator import MS, SensorSimulator, beside
+from tests.support.told_stages import beginning, change_to, restarted
 from wrcd.config.config import load_config
 from wrcd.core import events
 from wrcd.core.causes import RESERVED, Cause, Validity
+from wrcd.core.core import Core
 from wrcd.core.details import Details
 from wrcd.core.events import COLUMNS, Change, csv_line
-from wrcd.core.records import Estimate, Outliers
 from wrcd.core.terms import EstimateDoubt
 
 DEFAULT = load_config(None)
@@ -54,8 +56,7 @@ def test_steady_run_says_nothing_and_makes_no_text(sim: SensorSimulator, monkeyp
     def never(*_: object, **__: object) -> str:
         raise AssertionError("a text was made")
 
-    for name in ("tick", "unavailable", "pair", "estimate", "name"):
-        monkeypatch.setattr(Details, name, never)
+    monkeypatch.setattr(Details, "of", never)
     sim.run(3000)
     assert sim.core.events.total == total
 
@@ -180,17 +181,19 @@ def test_part_of_a_torque_that_is_late_is_named(tmp_path: Path) -> None:
     assert texts(sim)[-1].endswith(" ms old, limit 30")
 
 
-def estimate(**values: float) -> Estimate:
-    """An estimate of one axle: 20 % +- 2 over a second, all well, but for what is given."""
+def details(core: Core) -> Details:
+    return Details(core.config, core.mapped)
+
+
+def estimate(**values: float) -> dict[str, Any]:
+    """An estimate: 20 % +- 2 over a second, all well, but for what is given."""
     usual = {
         "mu_available_pct": 20.0, "half_width_pp": 2.0, "used_pct": 10.0, "window_s": 1.0, "firing": 1.0,
         "live_share": 1.0, "mu_from_rules_pct": 20.0,
     }  # fmt: skip
-    middle = 0.5 * (DEFAULT.design.low + DEFAULT.design.high)
-    inputs = middle.copy()
+    inputs = 0.5 * (DEFAULT.design.low + DEFAULT.design.high)
     inputs[0] += values.pop("beyond", 0.0) * (DEFAULT.design.high[0] - DEFAULT.design.low[0])
-    made = {f.name: np.array([{**usual, **values}.get(f.name, 0.0)]) for f in fields(Estimate)}
-    return Estimate(**{**made, "inputs": inputs[None]})
+    return {**usual, **values, "inputs": inputs}
 
 
 @pytest.mark.parametrize(
@@ -211,47 +214,67 @@ def estimate(**values: float) -> Estimate:
 def test_doubt_of_an_estimate_is_said_with_the_figures_that_decided_it(
     cause: Cause, values: dict[str, float], said: str
 ) -> None:
-    assert Details(DEFAULT).estimate(cause, 0, estimate(**values)).startswith(said)
+    core = Core(DEFAULT)
+    assert details(core).of(change_to(core, cause, estimate(**values)), None).startswith(said)
 
 
 @pytest.mark.parametrize(
-    ("outliers", "wait_s", "said"),
+    ("times", "jump", "wait_s", "said"),
     [
-        (Outliers([7.25, 3.0], [4.5, 6.0], 0.01), 0.0,
-         "yaw rate YawRate_A1.YawRate off by 7.2 times the usual innovation, limit 4.5"),
-        (Outliers([3.0, np.inf], [4.5, 6.0], 0.01), 2.0,
-         "lateral acceleration LatAccel_A1.LatAccel off by infinite times the usual innovation, limit 6; waits 2 s"),
-        (Outliers([3.0, 3.0], [4.5, 6.0], np.nan), 0.0,
+        ((7.25, 3.0), 0.01, 0.0, "yaw rate YawRate_A1.YawRate off by 7.2 times the usual innovation, limit 4.5"),
+        ((3.0, np.inf), 0.01, 2.0,
+         "lateral acceleration LatAccel_A1.LatAccel off by infinite times the usual innovation, limit 12; waits 2 s"),
+        ((7.25, np.nan), 0.01, 0.0,
+         "yaw rate YawRate_A1.YawRate off by 7.2 times the usual innovation, limit 4.5; lateral acceleration "
+         "LatAccel_A1.LatAccel off by infinite times the usual innovation, limit 12"),
+        ((3.0, 11.9), -0.0801, 0.0, "yaw rate YawRate_A1.YawRate jumped by 0.080 rad/s, limit 0.08"),
+        ((3.0, 3.0), np.nan, 0.0,
          "yaw rate YawRate_A1.YawRate or lateral acceleration LatAccel_A1.LatAccel stood out among its first samples"),
     ],
-    ids=["innovation", "not finite, waits", "first samples"],
+    ids=["innovation", "not finite, waits", "both", "a jump", "first samples"],
 )  # fmt: skip
-def test_restart_after_outliers_is_said_with_channel_and_limit(outliers: Outliers, wait_s: float, said: str) -> None:
-    assert Details(DEFAULT).outliers(0, outliers, wait_s) == said
+def test_restart_after_outliers_is_said_with_channel_and_limit(
+    times: tuple[float, float], jump: float, wait_s: float, said: str
+) -> None:
+    core = Core(DEFAULT)
+    known = restarted(core, times, jump, wait_s)
+    assert details(core).of(change_to(core, Cause.RESTARTED, None), known) == said
+
+
+def test_figures_of_a_pair_of_sensors_are_those_of_the_estimator(sim: SensorSimulator) -> None:
+    sim.run(2500)
+    told = change_to(sim.core, Cause.GYRO_DEAD, None)["number"][:7].tolist()
+    found = sim.core.estimator.health.figures(0)
+    figures = (found.state, found.low, found.middle, found.yaw_rms, found.lat_rms, found.probability, found.sound)
+    assert told == pytest.approx(figures, rel=1e-9)
+
+
+OF_ESTIMATE = (
+    Cause.TOO_LITTLE_DATA, Cause.NO_RULE, Cause.BEYOND_TRAINING, Cause.HARSH, Cause.CONTRADICTION
+)  # fmt: skip
 
 
 def test_every_cause_has_a_text_of_its_own(sim: SensorSimulator) -> None:
     """None is left to its words alone, whose figures are known."""
-    describe, core = Details(DEFAULT), sim.core
+    core = sim.core
     sim.run(100)
     for cause in Cause:
-        if cause in events.TICK_CAUSES:
-            text = describe.tick(cause, 0, core._inputs, core._tick, sim.t)
-        elif cause in events.PAIR_CAUSES:
-            text = describe.pair(0, core.estimator.health)
-        elif cause in events.ESTIMATE_CAUSES:
-            text = describe.estimate(cause, 0, estimate())
-        elif cause in (Cause.NONE, Cause.RESTARTED, *RESERVED):
+        if cause in (Cause.NONE, Cause.RESTARTED, *RESERVED):
             continue
-        else:
-            text = describe.unavailable(cause, 0, core._inputs, core._validity, sim.t)
+        begun = beginning(core, cause, sim.t)
+        text = details(core).of(change_to(core, cause, estimate() if cause in OF_ESTIMATE else None), begun)
         assert text != cause.words
 
 
-def test_long_text_is_cut() -> None:
-    inputs = tuple(replace(i, source=replace(i.source, signal="S" * 150)) for i in DEFAULT.inputs)
-    sim = SensorSimulator(DEFAULT)
-    sim.core.events.describe = Details(replace(DEFAULT, inputs=inputs))
+def test_long_text_is_cut(tmp_path: Path) -> None:
+    names = {"YawRate_A1": f"Y{'a' * 100}w", "LatAccel_A1": f"L{'a' * 100}t"}
+    dbc, axle = DEFAULT.dbc_file.read_text(encoding="latin-1"), AXLE
+    for name, long in names.items():
+        dbc, axle = dbc.replace(name, long), axle.replace(f"{name}.", f"{long}.")
+    (tmp_path / "own.dbc").write_text(dbc, encoding="latin-1")
+    text = '[dbc]\nfile = "own.dbc"\n[wheelset]\nname = "multiple-unit"\n[vehicle]\nspeed = "VehicleSpeed.Speed"\n'
+    (tmp_path / "wrcd.toml").write_text(text + axle)
+    sim = SensorSimulator(load_config(tmp_path / "wrcd.toml"))
     sim.run(1500)
     sim.silent = {YAW_RATE_A1, LAT_ACCEL_A1}
     sim.run(1000)

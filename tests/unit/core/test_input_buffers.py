@@ -10,10 +10,11 @@ import pytest
 from tests.support.can_ids import LAT_ACCEL, YAW_RATE
 from tests.support.lone_wheelset import PLAYED, lone_config
 from tests.support.scenarios import FOUR_AXLES, LogOf
+from tests.support.stages import NEVER, OwnInputs
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
 from wrcd.core.core import Core
-from wrcd.core.input_buffers import NEVER, JitterBuffer, Reach
+from wrcd.core.tables import LAT, TORQUE, YAW
 from wrcd.logs.damage import Damage
 from wrcd.logs.reader import read_log
 
@@ -22,15 +23,15 @@ MEASUREMENTS = {*YAW_RATE.values(), *LAT_ACCEL.values()}
 
 def played(*ticks: list[int], patience: int = 100) -> list[int | None]:
     """What each tick uses, of measurements named by their stamps."""
-    a = JitterBuffer(1, patience)
+    a = OwnInputs((YAW, 0), patience=patience)
     out: list[int | None] = []
     for tick in ticks:
         for stamp in tick:
-            a.put(0, stamp / 10, stamp)
-        (value,), present = a.take()
-        there = present is None or present[0]
-        out.append(a.used_us[0] if there else None)
-        assert value == (a.used_us[0] / 10 if there else 0.0)
+            a.accept(0, stamp / 10, stamp)
+        (value, _), (there, _) = a.close(0)
+        used_us = int(a.state["used_us"][0])
+        out.append(used_us if there else None)
+        assert value == (used_us / 10 if there else 0.0)
     return out
 
 
@@ -54,40 +55,63 @@ def test_tick_uses_one_measurement_in_their_order(
 
 
 def test_measurement_that_is_not_to_be_used_has_its_tick() -> None:
-    a, used = JitterBuffer(1, 100), []
+    a, used = OwnInputs((YAW, 0)), []
     for stamps in ([1, 2], [3], [4], []):
         for stamp in stamps:
-            a.put(0, math.nan if stamp == 2 else stamp / 10, stamp)
-        used.append((a.take(), a.used_us[0]))
-    assert used == [(([0.1], None), 1), (([0.0], [False]), 1), (([0.3], None), 3), (([0.4], None), 4)]
+            assert a.accept(0, math.nan if stamp == 2 else stamp / 10, stamp) == (stamp == 2)
+        (value, _), (there, _) = a.close(0)
+        used.append((value, there, a.state["used_us"][0]))
+    assert used == [(0.1, True, 1), (0.0, False, 1), (0.3, True, 3), (0.4, True, 4)]
 
 
 def test_reset_drops_waiting_measurements() -> None:
-    a = JitterBuffer(6, 100)
-    a.put(5, 5.0, 7)
-    a.put(5, 6.0, 8)
-    a.take()
+    a = OwnInputs(*((channel, axle) for channel in (YAW, LAT) for axle in range(3)))
+    a.accept(5, 5.0, 7)
+    a.accept(5, 6.0, 8)
+    assert a.close(0) == ([0.0] * 5 + [5.0], [False] * 5 + [True])
     a.reset()
-    assert a.take() == ([0.0] * 6, [False] * 6)
-    assert a.used_us == [NEVER] * 6
+    assert a.close(0) == ([0.0] * 6, [False] * 6)
+    assert a.state["used_us"].tolist() == [NEVER] * 6
 
 
 def test_reach_register_shifts_each_timeout_and_keeps_the_reason() -> None:
-    reach = Reach([15_000, 0])
-    assert reach.read(0, 0) == (0, "None")
+    a = OwnInputs((TORQUE, 0), (TORQUE, 1))
+    a.of["timeout_us"] = [15_000, 0]
+
+    def read(at: int) -> tuple[int, str]:
+        return a.reached(TORQUE, 0, at)
+
+    assert read(0) == (0, "None")
     for k in range(8):
-        reach.accept(0, 15_000 * (100 + k))
-    assert reach.read(0, 15_000 * 107) == (0b01111111, "None")
-    assert reach.read(0, 15_000 * 108) == (0b11111111, "None")
-    reach.reject(0, 15_000 * 108, Reason.DATA_ID)
-    reach.accept(0, 15_000 * 110)
-    assert reach.read(0, 15_000 * 111) == (0b11111001, "DataId")
-    assert reach.read(0, 15_000 * 116) == (0b00100000, "DataId")
-    assert reach.read(0, 15_000 * 117) == (0b01000000, "None")
-    assert reach.read(0, 15_000 * 1000) == (0, "None")
-    reach.accept(0, 15_000 * 1000)
-    reach.reset()
-    assert reach.read(0, 15_000 * 1001) == (0, "None")
+        a.accept(0, 1.0, 15_000 * (100 + k))
+    assert read(15_000 * 107) == (0b01111111, "None")
+    assert read(15_000 * 108) == (0b11111111, "None")
+    a.reject(0, 15_000 * 108, Reason.DATA_ID)
+    a.accept(0, 1.0, 15_000 * 110)
+    assert read(15_000 * 111) == (0b11111001, "DataId")
+    assert read(15_000 * 116) == (0b00100000, "DataId")
+    assert read(15_000 * 117) == (0b01000000, "None")
+    assert read(15_000 * 1000) == (0, "None")
+    a.accept(0, 1.0, 15_000 * 1000)
+    a.reset()
+    assert read(15_000 * 1001) == (0, "None")
+    assert a.reached(TORQUE, 1, 15_000) == (0, "None")
+
+
+@pytest.mark.parametrize("begin", [-1000, -104, -3, 100])
+def test_reach_register_is_the_same_before_1970(begin: int) -> None:
+    """Time-outs are numbered from 1970 on, below zero before."""
+    a = OwnInputs((TORQUE, 0))
+    a.of["timeout_us"] = 15_000
+    read = []
+    for k in range(20):
+        if k not in (5, 6, 11):
+            a.accept(0, 1.0, 15_000 * (begin + k) + 700)
+        read.append(a.reached(TORQUE, 0, 15_000 * (begin + k + 1))[0])
+    assert read[7] == 0b11111001
+    assert read == [
+        sum(1 << k - j for j in range(max(0, k - 7), k + 1) if j not in (5, 6, 11)) for k in range(20)
+    ]  # fmt: skip
 
 
 def means(frames: list[Frame]) -> list[float]:

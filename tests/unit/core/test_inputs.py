@@ -24,8 +24,8 @@ from tests.support.can_ids import (
 from tests.support.config_texts import AXLE, VEHICLE
 from tests.support.dbc import DIRECTION_AND_LOAD_DBC
 from tests.support.sensor_simulator import SensorSimulator, beside, until_ms, validities
+from tests.support.stages import Inputs
 from wrcd import resources
-from wrcd.bus.codec import Receiver, Sample
 from wrcd.bus.e2e import protect
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
@@ -33,7 +33,7 @@ from wrcd.bus.units import Quantity
 from wrcd.config.config import DEFAULT, load_config
 from wrcd.core.causes import Cause
 from wrcd.core.configuration import Config
-from wrcd.core.inputs import AGAINST_SHARE, Inputs
+from wrcd.core.core import Core
 
 TIMEOUTS_MS = {YAW_RATE_A1: 15, LAT_ACCEL_A1: 15, TORQUE_A1: 30, VEHICLE_SPEED: 60}
 
@@ -182,7 +182,7 @@ class TwoTorques(SensorSimulator):
     def ratio_Nm(self) -> float:
         """|torque| of axle 1 as the core has it."""
         design = self.config.design
-        return self.core._tick.torque_ratio[0] * 2 * design.normal_N * design.r_0
+        return float(self.core._train.state["axle"]["torque_ratio"][0]) * 2 * design.normal_N * design.r_0
 
 
 both = pytest.mark.parametrize("text", [PARTS, BESIDE], ids=["parts", "brake torque"])
@@ -227,7 +227,7 @@ def test_torques_against_each_other_are_degraded_and_mu_used_is_the_larger(tmp_p
 
 def test_small_torques_against_each_other_are_no_contradiction(tmp_path: Path) -> None:
     sim = TwoTorques(tmp_path, BESIDE)
-    limit = AGAINST_SHARE * 2 * sim.config.design.normal_N * sim.config.design.r_0
+    limit = 0.02 * 2 * sim.config.design.normal_N * sim.config.design.r_0
     sim.torque, sim.second = -6000.0, 0.95 * limit
     assert validities(sim.run(1200)) == ["NotAvailable", "Valid"]
     assert sim.ratio_Nm == pytest.approx(6000.0 - 0.95 * limit, abs=0.1)
@@ -299,12 +299,11 @@ def test_speed_below_zero_is_a_train_in_reverse_where_no_direction_is_mapped(tmp
 
 
 def test_mapped_direction_counts_more_than_the_sign_of_the_speed(with_direction: Config) -> None:
-    receiver = Receiver(with_direction.database, [i.source for i in with_direction.inputs])
-    inputs = Inputs(with_direction, receiver.ends)
+    core = Core(with_direction)
+    inputs, signals = Inputs(core._train), [s.source.quantity for s in core.mapped.signals]
     for quantity, value in ((Quantity.DIRECTION, 1.0), (Quantity.SPEED, -25.0), (Quantity.LAT_ACCEL, 0.5)):
-        place = next(k for k, i in enumerate(with_direction.inputs) if i.source.quantity is quantity)
-        inputs.accept(Sample(place, value, False, False), 0)
-    assert 0.5 in inputs.close_tick(5_000).z  # in reverse it would be -0.5
+        inputs.accept(signals.index(quantity), value, 0)
+    assert 0.5 in inputs.close(5_000)[0]  # in reverse it would be -0.5
 
 
 def test_wheelset_left_of_the_track_turns_clockwise() -> None:

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -12,14 +13,29 @@ import pytest
 
 from tests.support.lone_wheelset import LONE_DESIGN
 from tests.support.processes import ROOT
+from wrcd.bus.reasons import Reason
 from wrcd.checksum import checksum
+from wrcd.core.causes import Cause
 from wrcd.core.design import load_design
 from wrcd.core.estimator import Estimator
 from wrcd.core.terms import MAX_AXLES, PairState
 from wrcd.errors import InputError, Status
 from wrcd.native import compiler
 
+HEADER = ROOT / "wrcd/core/c/wrcd.h"
 HINT = "install wrcd anew: it needs a C compiler, such as gcc\n"
+
+
+@pytest.mark.parametrize(
+    ("prefix", "names"),
+    [("CAUSE", [c.name for c in Cause]), ("REASON", ["NONE", *(r.name for r in Reason)])],
+    ids=["causes", "reasons"],
+)
+def test_names_have_the_same_numbers_in_c(prefix: str, names: list[str]) -> None:
+    listed = re.search(rf"enum wrcd_{prefix.lower()} {{(.*?)}}", HEADER.read_text(), re.DOTALL)
+    assert listed is not None
+    assert re.findall(rf"WRCD_{prefix}_(\w+)", listed[1]) == names
+    assert [int(c) for c in Cause] == list(range(len(Cause)))
 
 
 @pytest.fixture

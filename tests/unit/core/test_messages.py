@@ -10,13 +10,14 @@ from cantools.database.can import Database
 
 from tests.support.dbc import database
 from tests.support.sensor_simulator import SensorSimulator
+from tests.support.told_stages import level_of, packed
 from wrcd import resources
 from wrcd.bus.codec import SignalWriter, Value, Writer
 from wrcd.bus.dbc import find_message, find_signal
 from wrcd.bus.frame import Frame
 from wrcd.bus.signals import Output, OutputSignal
 from wrcd.config.config import load_config
-from wrcd.core.messages import Outgoing, confidence
+from wrcd.core.reports import Outgoing
 from wrcd.core.vocabulary import snake
 
 OWN_ID = 0x18FF0601
@@ -130,6 +131,8 @@ def field(sent: OutputSignal, extra: str = "") -> SignalWriter:
 )
 def test_value_is_sent_as_its_raw_one(sent: OutputSignal, value: Value, raw: int) -> None:
     assert field(sent).raw(value) == raw
+    if not isinstance(value, str):
+        assert packed([field(sent)], bytes(2), [value]) == bytes([raw, 0])
 
 
 def test_word_that_the_dbc_lacks_goes_out_as_not_available() -> None:
@@ -158,6 +161,7 @@ def test_every_report_of_the_default_configuration_has_its_word() -> None:
     ],
 )  # fmt: skip
 def test_level_is_left_for_a_narrower_one_with_a_tenth_of_room_alone(
-    half_width_pp: float | None, before: str, level: str
+    half_width_pp: float | None, before: str, level: str, sim: SensorSimulator
 ) -> None:
-    assert confidence(half_width_pp, before) == level
+    sim.run(1500)
+    assert level_of(sim, half_width_pp, before) == level

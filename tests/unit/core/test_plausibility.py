@@ -6,11 +6,15 @@ from typing import Any
 
 import pytest
 
+from tests.support.core_state import state
 from tests.support.sensor_simulator import MS, SensorSimulator, until_ms, validities
+from tests.support.stages import JumpCheck, StuckCheck
 from wrcd.bus.reasons import Reason
-from wrcd.core.plausibility import MAX_SHARE, MIN_RUN, STUCK, JumpCheck, StuckCheck, cost_of_step
+from wrcd.core.coarse_sensors import cost_of_step
 
 SPIKE = 5_000_000  # 5 rad/s
+# A run that would come about by chance once in so many frames is refused; so many may go on at most.
+STUCK, MAX_SHARE = math.log(1e-12), 0.9
 
 
 def noisy(steps: float, frames: int) -> list[float]:
@@ -41,7 +45,7 @@ def test_sensor_as_coarse_as_its_noise_is_not_doubted(steps: float) -> None:
     r, doubts, was_doubted = taught(steps, 400), 0, False
     for k, value in enumerate(noisy(steps, 360_000)):
         r.check(value, (400 + k) * 5 * MS, moving=True)
-        is_doubted = r.run >= MIN_RUN and r.unchanged((400 + k) * 5 * MS, 15 * MS)
+        is_doubted = r.unchanged((400 + k) * 5 * MS, 15 * MS)
         doubts, was_doubted = doubts + (is_doubted and not was_doubted), is_doubted
     assert doubts <= 1
 
@@ -195,6 +199,18 @@ def test_clock_step_clears_the_outlier(sim: SensorSimulator) -> None:
     sim.run(1000)
     assert sim.core.counts.rejected.total() == 0  # the first frame after the step is not held against the old chain
     assert sim.decoded("InputHealth_A1")[-1]["Outlier"] == "No"
+
+
+def test_how_coarse_a_sensor_is_is_known_after_a_step_of_time(sim: SensorSimulator) -> None:
+    sim.run(1500)
+    sim.during(200, frozen=True)  # a coarse one
+    known = state(sim.core)
+    sim.core.advance(sim.t + 3_600_000 * MS)
+    now = state(sim.core)
+    assert now["input_state.run"] != known["input_state.run"]
+    assert known["input_state.frames"] != "[20.0]"
+    for name in ("share", "frames"):
+        assert now[f"input_state.{name}"] == known[f"input_state.{name}"]
 
 
 @pytest.mark.parametrize("jump", [{"speed": 0.5}, {"speed": 120.0}, {"torque": -80_000.0}], ids=str)

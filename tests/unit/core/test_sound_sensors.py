@@ -27,9 +27,10 @@ from wrcd.bus.frame import Frame
 from wrcd.config.config import load_packaged
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.core import Core
-from wrcd.core.events import PAIR_CAUSES, Change
+from wrcd.core.events import Change
 from wrcd.resources import DEFAULT_DESIGN
 
+PAIR_CAUSES = {Cause.SENSORS_SILENT, Cause.GYRO_REVERSED, Cause.SENSORS_UNRELATED, Cause.ACCEL_SMALL, Cause.GYRO_DEAD}
 CURVE_S = 15.0  # the train of `curves` is in the canted curve
 OWN = [LONE, DEFAULT_DESIGN]  # vehicles with a design of the same name
 

@@ -17,7 +17,7 @@ from wrcd.cli.main import main
 from wrcd.config.config import load_config, load_packaged
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
-from wrcd.core.messages import Outgoing
+from wrcd.core.reports import Outgoing
 
 FOLDER = Path(__file__).parents[2] / "data/dbc"
 OURS = Path(__file__).parents[3] / "dbc/wrcd.dbc"

@@ -7,23 +7,40 @@ from itertools import groupby, pairwise
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from tests.support.can_ids import LAT_ACCEL_A1, TORQUE_A1, TORQUE_A2, VEHICLE_SPEED, YAW_RATE_A1
 from tests.support.config_texts import AXLE
 from tests.support.sensor_simulator import SensorSimulator, beside, until_ms, validities
+from tests.support.told_stages import Monitor, level_of
 from wrcd import resources
 from wrcd.bus.e2e import protect
 from wrcd.bus.frame import Frame
 from wrcd.config.config import load_config
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import Config
-from wrcd.core.inputs import DEAD_SHARE, TRACTION_HELD_US
 from wrcd.core.terms import EstimateDoubt, PairState
-from wrcd.core.validity import FIRST_WAIT_S, FREE_RESETS, LAST_WAIT_S, OF_ESTIMATE, OF_PAIR, ValidityMonitor, verdict
 
 DEFAULT = load_config(None)
+DEAD_SHARE = 0.005  # of 2 N r_0: so far below zero a torque may be its signal's noise, for so long
+TRACTION_HELD_MS = 60
+FREE_RESETS, FIRST_WAIT_S, LAST_WAIT_S = 4, 1.0, 8.0
+OF_PAIR = {
+    PairState.BOTH_DEAD: Cause.SENSORS_SILENT,
+    PairState.REVERSED: Cause.GYRO_REVERSED,
+    PairState.OTHER_AXLE: Cause.SENSORS_UNRELATED,
+    PairState.LATE: Cause.SENSORS_UNRELATED,
+    PairState.ACCEL_DEAD: Cause.ACCEL_SMALL,
+    PairState.WRONG_UNIT: Cause.ACCEL_SMALL,
+    PairState.GYRO_DEAD: Cause.GYRO_DEAD,
+}
+OF_ESTIMATE = {
+    EstimateDoubt.NO_RULE: Cause.NO_RULE,
+    EstimateDoubt.BEYOND_TRAINING: Cause.BEYOND_TRAINING,
+    EstimateDoubt.HARSH: Cause.HARSH,
+    EstimateDoubt.SHORT: Cause.TOO_LITTLE_DATA,
+    EstimateDoubt.GAPS: Cause.TOO_LITTLE_DATA,
+}
 
 
 def own(tmp_path: Path, more: str = "", vehicle: str = "") -> SensorSimulator:
@@ -166,9 +183,9 @@ def test_dip_of_the_torque_within_its_noise_is_no_braking(tmp_path: Path) -> Non
     carried = 2 * DEFAULT.design.normal_N * DEFAULT.design.r_0
     for dip, ms, brakes in (
         (-135.0, 30, False),
-        (-0.9 * DEAD_SHARE * carried, TRACTION_HELD_US // 1000, False),
+        (-0.9 * DEAD_SHARE * carried, TRACTION_HELD_MS, False),
         (-1.1 * DEAD_SHARE * carried, 10, True),  # braking
-        (0.0, TRACTION_HELD_US // 1000 + 20, True),  # the friction brakes may act alone
+        (0.0, TRACTION_HELD_MS + 20, True),  # the friction brakes may act alone
     ):
         before = sim.core.events.total
         sim.during(ms, torque=dip)
@@ -228,39 +245,34 @@ def test_start_and_stop_have_a_cause_for_each_state(sim: SensorSimulator) -> Non
 )
 def test_doubtful_estimate_is_degraded_with_its_cause(doubt: EstimateDoubt, cause: Cause, sim: SensorSimulator) -> None:
     sim.run(1500)
-    estimate = replace(sim.core.estimator.estimate(), doubt=np.full(4, int(doubt)))
-    judge = ValidityMonitor(200, 4)
+    estimate = next(o.why for o in reversed(sim.out) if o.why is not None).copy()
+    estimate["doubt"] = doubt
+    judge = Monitor(200)
     for _ in range(200):
-        judge.update(0, Cause.NONE)
-    assert verdict(judge.standing(0, PairState.SOUND), 0, estimate)[1] is cause
+        judge.update(Cause.NONE)
+    assert judge.verdict(PairState.SOUND, estimate)[1] is cause
     # what is wrong with the sensors comes first
     for pair, of_pair in OF_PAIR.items():
-        assert verdict(judge.standing(0, pair), 0, estimate) == (Validity.DEGRADED, of_pair)
-    judge.update(0, Cause.UNCHANGED)
-    assert verdict(judge.standing(0, PairState.BOTH_DEAD), 0, estimate) == (Validity.DEGRADED, Cause.UNCHANGED)
+        assert judge.verdict(pair, estimate) == (Validity.DEGRADED, of_pair)
+    judge.update(Cause.UNCHANGED)
+    assert judge.verdict(PairState.BOTH_DEAD, estimate) == (Validity.DEGRADED, Cause.UNCHANGED)
     assert set(OF_PAIR) == set(PairState) - {PairState.SOUND}
     assert set(OF_ESTIMATE) == set(EstimateDoubt) - {EstimateDoubt.NONE}
 
 
-def test_wide_interval_is_valid_and_its_level_does_not_flicker(
-    sim: SensorSimulator, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    widths = iter([0.9, 1.1, 0.95, 1.05, 0.89, 30.0, 11.5, 10.7, 0.5])
-    estimate = sim.core.estimator.estimate
-    monkeypatch.setattr(
-        sim.core.estimator, "estimate", lambda: replace(estimate(), half_width_pp=np.full(4, next(widths, 0.5)))
-    )
-    sim.run(2000)
-    said = [f["Confidence"] for f in sim.adhesion(sim.out) if f["Validity"] == "Valid"]
-    assert said[:9] == [
-        "Within1pp", "Within2pp", "Within2pp", "Within2pp", "Within1pp", "Wider", "Wider", "Within12pp", "Within1pp"
+def test_wide_interval_is_valid_and_its_level_does_not_flicker(sim: SensorSimulator) -> None:
+    sim.run(1500)
+    assert level_of(sim, 0.9, before="None") == "Within1pp"
+    said = [level_of(sim, half_width_pp) for half_width_pp in (1.1, 0.95, 1.05, 0.89, 30.0, 11.5, 10.7, 0.5)]
+    assert said == [
+         "Within2pp", "Within2pp", "Within2pp", "Within1pp", "Wider", "Wider", "Within12pp", "Within1pp"
     ]  # fmt: skip
 
 
-def test_short_window_excuses_no_other_cause(sim: SensorSimulator, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_short_window_excuses_no_other_cause(config: Config) -> None:
     """The recorder takes what is short for no loss: a sensor that says Degraded is one, whatever the window is."""
-    estimate, short = sim.core.estimator.estimate, np.full(4, int(EstimateDoubt.SHORT))
-    monkeypatch.setattr(sim.core.estimator, "estimate", lambda: replace(estimate(), doubt=short))
+    sim = SensorSimulator(replace(config, design=replace(config.design, window_s=0.12, recent_s=0.05)))
+    sim.speed = 20.0
     sim.run(1500)
     assert (sim.core.reports[0].cause, sim.core.reports[0].short) == (Cause.TOO_LITTLE_DATA, True)
     sim.during(200, yaw_status=1)
@@ -325,9 +337,9 @@ def test_axle_that_is_reset_again_and_again_waits_and_comes_back(sim: SensorSimu
         assert wait <= gap < wait + 0.3
         wait = min(2 * wait, LAST_WAIT_S)
     assert wait == LAST_WAIT_S
-    assert sim.core.waits == len(resets) - FREE_RESETS
+    assert sim.core.counts.waits == len(resets) - FREE_RESETS
     assert validities(sim.adhesion(sim.out)) == ["NotAvailable"]
-    waits = sim.core.waits
+    waits = sim.core.counts.waits
     frames = sim.run(12_000)
     assert validities(frames) == ["NotAvailable", "Valid"]
     assert until_ms(frames, "Valid") <= 1000 * (LAST_WAIT_S + 1.2)
@@ -336,7 +348,7 @@ def test_axle_that_is_reset_again_and_again_waits_and_comes_back(sim: SensorSimu
         sim.spike = spike
         sim.run(500)
     assert validities(sim.run(1000)) == ["NotAvailable", "Valid"]
-    assert sim.core.waits == waits
+    assert sim.core.counts.waits == waits
 
 
 def test_other_axles_do_not_wait(config: Config) -> None:
@@ -346,7 +358,7 @@ def test_other_axles_do_not_wait(config: Config) -> None:
     sim, other = SensorSimulator(config), SensorSimulator(config)
     for _ in stormy(sim, 8.0):
         sim.run(5, lambda own: own + [of_axle_2(f) for f in other.frames() if f.can_id != VEHICLE_SPEED])
-    assert sim.core.waits > 0
+    assert sim.core.counts.waits > 0
     assert validities(sim.adhesion(sim.out, 1)) == ["NotAvailable"]
     assert validities(sim.adhesion(sim.out, 2)) == ["NotAvailable", "Valid"]
 
@@ -358,13 +370,13 @@ def test_repeated_speed_jumps_make_all_axles_wait(sim: SensorSimulator) -> None:
         sim.speed = 25.0 if k % 8 < 4 else 28.0
         sim.run(5)
     assert sim.core.counts.restarts < 40
-    assert sim.core.waits == sim.core.counts.restarts - FREE_RESETS
+    assert sim.core.counts.waits == sim.core.counts.restarts - FREE_RESETS
     sim.speed = 25.0
     assert validities(sim.run(11_000)) == ["NotAvailable", "Valid"]
 
 
 def test_time_step_ends_the_wait(sim: SensorSimulator) -> None:
     storm(sim, 8.0)
-    assert sim.core.waits > 0
+    assert sim.core.counts.waits > 0
     sim.t -= 3_600_000_000
     assert validities(sim.run(1200)) == ["NotAvailable", "Valid"]

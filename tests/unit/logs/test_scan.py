@@ -9,12 +9,13 @@ import pytest
 from sim_ecu.resources import TRUTH_DBC
 from tests.support.story import BEGIN_US, Ride
 from wrcd.bus.candump import format_line
-from wrcd.bus.codec import Receiver, message_key
+from wrcd.bus.codec import message_key
 from wrcd.bus.dbc import find_message, load_dbc
 from wrcd.bus.e2e import protect
 from wrcd.bus.frame import EXTENDED, Frame
 from wrcd.bus.units import Quantity
 from wrcd.core.configuration import Config
+from wrcd.core.reading import Receiver
 from wrcd.errors import InputError
 from wrcd.logs.damage import Damage
 from wrcd.logs.decoder import OwnFrames

@@ -20,7 +20,6 @@ from sim_ecu.play.player import Player
 from sim_ecu.play.scenario import Scenario, load_scenario, read_scenario
 from sim_ecu.play.train import PACKAGED, AdhesionReader
 from tests.support.scenarios import held
-from wrcd.bus.codec import Receiver
 from wrcd.bus.dbc import find_message, parse_dbc
 from wrcd.bus.frame import Frame
 from wrcd.bus.signals import Source, StatusRule
@@ -29,6 +28,7 @@ from wrcd.config.config import load_config, load_packaged
 from wrcd.config.settings import parse_toml
 from wrcd.core.configuration import Config, Input
 from wrcd.core.core import Core
+from wrcd.core.reading import Receiver
 from wrcd.errors import InputError
 
 ROOT = Path(__file__).parents[3]

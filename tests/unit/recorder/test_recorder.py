@@ -20,7 +20,7 @@ from wrcd.config.config import DEFAULT, load_config, packaged
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import Config, RecorderConfig
 from wrcd.core.core import Core
-from wrcd.core.messages import NOT_AVAILABLE_REPORT
+from wrcd.core.reports import Report
 from wrcd.errors import InputError
 from wrcd.logs.damage import Damage
 from wrcd.logs.reader import read_log
@@ -190,9 +190,10 @@ def test_lost_frames_are_a_loss_of_validity(config: Config, tmp_path: Path) -> N
 
 
 def test_hiccup_short_window_and_standstill_are_no_loss_of_validity(config: Config) -> None:
-    valid = replace(NOT_AVAILABLE_REPORT, validity=Validity.VALID, mu_available_pct=20.0)
+    nothing = Report(Validity.NOT_AVAILABLE, None, None, 255, "Unknown", "Unknown", "None", Cause.NONE)
+    valid = replace(nothing, validity=Validity.VALID, mu_available_pct=20.0)
     hiccup = replace(valid, validity=Validity.DEGRADED, cause=Cause.CONTRADICTION)
-    short = replace(NOT_AVAILABLE_REPORT, cause=Cause.TOO_LITTLE_DATA, short=True)
+    short = replace(nothing, cause=Cause.TOO_LITTLE_DATA, short=True)
     loss = LossOfValidity([SLOT_US])
     looks = [*[(valid, False)] * 50, *[(hiccup, False)] * LOST_SLOTS, (valid, False), *[(short, False)] * 50]
     looks += [(valid, False), *[(hiccup, True)] * 50, *[(hiccup, False)] * 50]  # it stands, and goes on

@@ -10,7 +10,9 @@ from tests.support.scripted_link import ScriptedLink
 from tests.support.sensor_simulator import MS, SensorSimulator
 from tests.support.snapshots import assert_kept
 from wrcd.bus.reasons import Reason
+from wrcd.bus.units import Quantity
 from wrcd.config.config import load_config
+from wrcd.core.counts import REASONS
 from wrcd.service.journal import CounterLog
 
 
@@ -128,7 +130,7 @@ def test_flapping_link_is_logged_at_most_once_a_second_per_state(log: Log) -> No
 
 def test_lines_of_counts_and_of_validity_are_those_of_the_snapshot(log: Log) -> None:
     """Each step and what is written of it: a count at most once a second, and nothing where nothing grew."""
-    sim, health, counts = log.sim, log.link.health, log.sim.core.counts
+    sim, health = log.sim, log.link.health
     told: list[str] = []
 
     def step(what: str, ms: int = 0) -> None:
@@ -160,13 +162,15 @@ def test_lines_of_counts_and_of_validity_are_those_of_the_snapshot(log: Log) -> 
     step("500 unsent", 3000)
     health.state, health.unsent = "Up", 503
     step("link up, 503 unsent", 3000)
+    state = log.sim.core._train.state
     for n in range(8):
-        counts.rejected_by_message[f"M{n}", Reason.RANGE] += 9 - n
+        state["message_state"]["refused"][n, REASONS.index(Reason.RANGE)] += 9 - n
     step("many reasons", 1000)
-    counts.clipped[1, "lateral acceleration"] += 12
-    counts.clipped[2, "yaw rate"] += 3
+    of = [(s.source.quantity, s.source.axles) for s in log.sim.core.mapped.signals]
+    lateral_1, yaw_2 = of.index((Quantity.LAT_ACCEL, (0,))), of.index((Quantity.YAW_RATE, (1,)))
+    state["input_state"]["clipped"][[lateral_1, yaw_2]] += (12, 3)
     step("clipped samples of two axles", 1000)
-    counts.clipped[2, "yaw rate"] += 1
+    state["input_state"]["clipped"][yaw_2] += 1
     step("of one", 1000)
     step("nothing", 1000)
     sim.t -= 3_600_000 * MS

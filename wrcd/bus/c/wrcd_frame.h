@@ -4,7 +4,7 @@
 
 #include <stdint.h>
 
-enum { WRCD_CONFIRM = 1, /* one of ours has left */ WRCD_UNSTAMPED = 2 /* the kernel gave no time stamp */ };
+enum { WRCD_CONFIRM = 1, /* one of ours has left */ WRCD_UNSTAMPED = 2 /* the kernel gave no time stamp */, WRCD_FD = 4 };
 
 typedef struct {
     int64_t stamp_us; /* since 1970, truncated */
@@ -16,5 +16,14 @@ typedef struct {
 } wrcd_frame;
 
 _Static_assert(sizeof(wrcd_frame) == 24, "a record of the recorder's ring, too");
+
+/* The same with as many bytes of data as a record of it has room for: 8, or 64 where CAN FD is among them. */
+typedef struct {
+    int64_t stamp_us;
+    uint32_t word;
+    uint8_t length, flags;
+    uint16_t cause;
+    uint8_t data[];
+} wrcd_frame_head;
 
 #endif

@@ -1,6 +1,5 @@
-/* What only wrcd's Python asks of the estimator: numbers, many ticks at once, what words are made from, and where what lies in
- * a state. */
-#include "parts.h"
+/* What only wrcd's Python asks: numbers, and of the estimator many ticks at once and what words are made from. */
+#include "core.h"
 
 #ifndef WRCD_SOURCES
 #define WRCD_SOURCES ""
@@ -13,31 +12,9 @@
 #define COMPILER "a C11 compiler"
 #endif
 
-typedef struct { const char *name; size_t offset, bytes; } field;
-
-#define IN(type, name) {#name, offsetof(type, name), sizeof ((const type *)0)->name},
-#define IN_AXLE(name, dimensions) IN(wrcd_axle, name)
-#define IN_TRAIN(name, dimensions) IN(wrcd_estimator, name)
-#define IN_ADHESION(name, dimensions) IN(wrcd_adhesion, name)
-#define IN_RESULT(name) IN(wrcd_result, name)
-static const field AXLE[] = {WRCD_AXLE_STATE(IN_AXLE){"", sizeof(wrcd_axle), 0}};
-static const field TRAIN[] = {WRCD_TRAIN_STATE(IN_TRAIN) IN(wrcd_estimator, axle){"", sizeof(wrcd_estimator), 0}};
-static const field ADHESION[] = {WRCD_ESTIMATE(IN_ADHESION){"", sizeof(wrcd_adhesion), 0}};
-static const field RESULT[] = {
-    IN_RESULT(innovations) IN_RESULT(whitened) IN_RESULT(accepted) IN_RESULT(outliers) IN_RESULT(near_pulse)
-    IN_RESULT(live) IN_RESULT(calm) IN_RESULT(needs_reset){"", sizeof(wrcd_result), 0}};
-
 /* The digest of the sources that setup.py compiled, and what compiled them. */
 const char *wrcd_sources(void) { return WRCD_SOURCES; }
 const char *wrcd_compiler(void) { return COMPILER; }
-
-/* The fields of an axle's state, a train's, an estimate, a result, by `of`; behind the last one, without a name, its size. */
-const field *wrcd_fields(int of)
-{
-    const field *const all[] = {AXLE, TRAIN, ADHESION, RESULT};
-
-    return all[of];
-}
 
 /* A number that is defined here and that Python goes by, too; NaN for another name. */
 double wrcd_constant(const char *name)
@@ -47,8 +24,10 @@ double wrcd_constant(const char *name)
     const struct { const char *name; double value; } all[] = {
         OF_HEADER(MAX_AXLES) OF_HEADER(MODELS) OF_HEADER(CHANNELS) OF_HEADER(INPUTS) OF_HEADER(COLUMNS) OF_HEADER(BLOCK_TICKS)
         OF_HEADER(LAG) OF_HEADER(PAIR_FEATURES) OF_HEADER(MAX_STATES) OF_HEADER(MAX_RULES) OF_HEADER(MAX_SETS)
-        OF_HEADER(MAX_POLYNOMIAL) OF_HEADER(MAX_SECTIONS) OF_HEADER(MAX_HIDDEN)
+        OF_HEADER(MAX_SIGNALS) OF_HEADER(MAX_POLYNOMIAL) OF_HEADER(MAX_SECTIONS) OF_HEADER(MAX_HIDDEN)
         NUMBER(SPAN_TICKS) NUMBER(NOISE) NUMBER(SWING) NUMBER(MIN_FIRING) NUMBER(HARSH_SHARE) NUMBER(MIN_M) NUMBER(MAX_JUMP)
+        NUMBER(FORWARD_STEP_US) NUMBER(BACKWARD_STEP_US) NUMBER(TRACTION_HELD_US) NUMBER(DEAD_SHARE) NUMBER(DOUBTED)
+        NUMBER(BRIDGED_TICKS) NUMBER(FREE_RESETS) NUMBER(FIRST_WAIT_S) NUMBER(LAST_WAIT_S)
         {"PAIR_OWN", OWN_FEATURES}, NUMBER(CERTAIN) NUMBER(MAX_FEATURE) NUMBER(SLOWEST_M_S)
         {"LOWEST_LOG_SPREAD", LOG_SPREADS[0]}, {"HIGHEST_LOG_SPREAD", LOG_SPREADS[1]},
     };

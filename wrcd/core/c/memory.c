@@ -100,7 +100,7 @@ bool wrcd_memory_fuse(double m[WRCD_REMEMBERED], word own, bool whole, word newe
     const double apart = (newest.log_pct - weighed / precision) / sqrt(scatter * scatter + 1.0 / precision);
     const bool off = whole && usable && live_share >= CLEAR && (apart < -WORSE || apart > BETTER);
     m[ANOTHER] = off ? m[ANOTHER] + 1.0 : 0.0;
-    const bool anew = m[ANOTHER] >= ANOTHER_STEPS;
+    const bool anew = m[ANOTHER] >= (double)ANOTHER_STEPS;
     m[PRECISION] = anew ? 0.0 : precision;
     m[WEIGHED] = anew ? 0.0 : weighed;
     m[PEAK_PCT] = at_peak ? in_use : m[PEAK_PCT] * erodes;
@@ -119,6 +119,6 @@ void wrcd_memory_remember(wrcd_estimator *e, const wrcd_design *d, int axle, dou
     *ratio = at.now;
     const bool whole = usual.blocks * WRCD_BLOCK_TICKS >= d->window_ticks;
     if (wrcd_memory_fuse(e->axle[axle].memory, wrcd_memory_word(&usual), whole, wrcd_memory_word(&recent), recent.s.live_share,
-                         100.0 * at.lasting, REMEMBER_TICKS * d->tick_s, e->speed_m_s))
+                         100.0 * at.lasting, (double)REMEMBER_TICKS * d->tick_s, e->speed_m_s))
         wrcd_window_truncate(e, axle, d->recent);
 }

@@ -50,6 +50,8 @@ extern const double WRCD_MAX_PULSE[CHANNELS];
 void wrcd_noise_step(wrcd_axle *a, const wrcd_design *d, const double z[CHANNELS], bool used);
 void wrcd_noise_sensor_factor(const wrcd_axle *a, double factor[CHANNELS]);
 void wrcd_signals_reset(wrcd_axle *a, const wrcd_design *d);
+void wrcd_gate_why(const wrcd_estimator *e, int axle, const double innovation[MODELS][CHANNELS], double yaw_rate,
+                   double why[2 * CHANNELS + 1]);
 
 /* residuals.c: columns of a block's running sums */
 enum {
@@ -112,5 +114,7 @@ void wrcd_pair_features(const wrcd_axle *a, double speed_m_s, double ratio, doub
 void wrcd_health_look(wrcd_estimator *e, const wrcd_design *d, const double inputs[][WRCD_COLUMNS], const double *ratio);
 enum { OWN_FEATURES = 3 * WRCD_BANDS + 2 * CHANNELS }; /* of a pair's own signals */
 void wrcd_health_evidence(const wrcd_health_table *h, const double x[WRCD_PAIR_FEATURES], double evidence[WRCD_PAIR_STATES]);
+
+void wrcd_health_figures(const wrcd_estimator *e, int axle, double p[WRCD_PAIR_STATES], double figures[5]);
 
 #endif

@@ -26,7 +26,7 @@ void wrcd_rules_moment(const wrcd_estimator *e, const wrcd_design *d, int axle, 
         m->floor[k] = 0.0;
         for (int c = 0; c < CHANNELS; c++)
             m->floor[k] += power[CHANNELS * k + c] * (m->noise_factor[c] * m->noise_factor[c]);
-        m->floor[k] /= CHANNELS;
+        m->floor[k] /= (double)CHANNELS;
     }
 }
 
@@ -83,7 +83,7 @@ static void degrees_of(const wrcd_design *d, int input, double x, double degree[
 void wrcd_rules_infer(const wrcd_design *d, const double inputs[WRCD_COLUMNS], rules_answer *answer)
 {
     enum { SAID = 2 * (WRCD_COLUMNS + 1) };
-    double degree[WRCD_INPUTS][WRCD_MAX_SETS], weight[WRCD_MAX_RULES], said[SAID] = {0.0}, firing = 0.0;
+    double degree[WRCD_INPUTS][WRCD_MAX_SETS], weight[WRCD_MAX_RULES], said[SAID] = {0.0}, firing = 0.0, most = -1.0;
     int heaviest = 0;
 
     for (int i = 0; i < WRCD_INPUTS; i++)
@@ -93,8 +93,10 @@ void wrcd_rules_infer(const wrcd_design *d, const double inputs[WRCD_COLUMNS], r
         weight[r] = degree[0][set[0]] * degree[1][set[1]] * (degree[2][set[2]] * degree[3][set[3]])
             * (degree[4][set[4]] * degree[5][set[5]]);
         firing += weight[r];
-        if (weight[r] > weight[heaviest])
+        if (weight[r] > most) {
+            most = weight[r];
             heaviest = r;
+        }
     }
     answer->firing = firing;
     if (!(firing >= MIN_FIRING)) {

@@ -18,7 +18,7 @@ from wrcd.dbc.bus_check.signs import signs
 from wrcd.dbc.bus_check.wrong_units import wrong_units
 from wrcd.errors import InputError
 from wrcd.logs.bus_of import pick_bus
-from wrcd.logs.feed import outgoing_of_stretches
+from wrcd.logs.feed import made_of_stretches
 from wrcd.logs.reader import LogReader
 from wrcd.logs.story_events import NewChanges, of_changes, with_gaps
 from wrcd.logs.story_records import Spells
@@ -38,7 +38,7 @@ def check_log(log: Path, config_file: Path | None, channel: str | None = None) -
         core, gathered = Core(config), Gathered(config, reader.clock)
         items = gathered.watched(reader.clock.items(reader.in_order()))
         new = NewChanges(core, reader.clock)
-        status = _report(core, input_mappings(config_file), gathered, outgoing_of_stretches(core, items), new)
+        status = _report(core, input_mappings(config_file), gathered, made_of_stretches(core, items), new)
     for warning in reader.warnings:
         print(f"wrcd: warning: {warning}", file=sys.stderr)
     return WOULD_STOP if status == FINE and not reader.whole else status
@@ -63,7 +63,7 @@ def _listened(core: Core, gathered: Gathered, seconds: float, interface: str, ch
         nonlocal stopped
         stopped = True
 
-    link = open_link(interface, channel, None, fd=gathered.receiver.fd, user_settings=True)
+    link = open_link(interface, channel, None, fd=gathered.receiver.mapped.fd, user_settings=True)
     shown, began, heard_us = Progress(), time.monotonic(), 0
     before = signal.signal(signal.SIGINT, stop)
     try:

@@ -8,8 +8,8 @@ from wrcd.bus.dbc import find_message
 from wrcd.bus.frame import counted_ids, id_text
 from wrcd.bus.units import Quantity
 from wrcd.core.causes import Cause, Validity
+from wrcd.core.coarse_sensors import cost_of_step
 from wrcd.core.configuration import Config
-from wrcd.core.plausibility import cost_of_step
 from wrcd.dbc.bus_check.input_figures import Gathered, SignalFigures
 from wrcd.dbc.bus_check.signs import Fit
 from wrcd.logs.story_records import Spells
@@ -191,7 +191,7 @@ def _fine(fits: Sequence[Fit]) -> str:
 
 def nothing(config: Config, gathered: Gathered) -> list[str]:
     """The page where no frame fits."""
-    ids = ", ".join(sorted({id_text(key) for key in gathered.receiver.readers}))
+    ids = ", ".join(sorted({id_text(key) for key in gathered.receiver.mapped.keys}))
     return [
         f"no frame of {gathered.seconds:.1f} s fits the configuration ({config.file}): it maps {ids}",
         f"{_others(gathered)} came",

@@ -9,12 +9,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from wrcd.bus.codec import MessageReader, Receiver, Sample
+from wrcd.bus.batch import FrameBatch
 from wrcd.bus.dbc import cycle_ms, find_message
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
 from wrcd.core.configuration import Config, Input
-from wrcd.logs.columns import Columns, Item, Stretch
+from wrcd.core.reading import NOT_MAPPED, Receiver
+from wrcd.logs.columns import Item, Stretch
 from wrcd.logs.story_records import NO_GAPS, Gaps
 from wrcd.logs.time_order import Onward
 
@@ -57,10 +58,10 @@ class Gathered:
         """clock: of a log, whose time goes on."""
         self._clock = clock
         self.receiver = Receiver(config.database, [i.source for i in config.inputs], config.data_ids)
-        self._columns = Columns(self.receiver)  # plausible or not
-        self.inputs = [Readings() for _ in config.inputs]
+        self._messages = {m.key: m for m in self.receiver.mapped.messages}
+        self.inputs = [Readings() for _ in config.inputs]  # plausible or not
         self.frames: Counter[str] = Counter()  # by mapped message, refused ones too
-        self.times: dict[str, array[int]] = {r.name: array("q") for r in self.receiver.readers.values()}
+        self.times: dict[str, array[int]] = {m.name: array("q") for m in self._messages.values()}
         self.others: Counter[int] = Counter()  # frames that are not mapped, by key
         self.errors = 0
         self.first_us: int | None = None
@@ -89,11 +90,10 @@ class Gathered:
 
     def carries_none(self, number: int) -> bool:
         """Whether frames of an input's message come, but none in which a multiplexer selects it."""
-        readers = self.receiver.readers.values()
         return any(
-            self.frames[r.name] and not self.inputs[number].frames and s.branch.conditions
-            for r in readers
-            for s in r.signals
+            self.frames[m.name] and not self.inputs[number].frames and s.branch.conditions
+            for m in self._messages.values()
+            for s in m.signals
             if s.number == number
         )
 
@@ -117,44 +117,35 @@ class Gathered:
         if frame.error:
             self.errors += 1
             return
-        reader = self.receiver.reader(frame)
-        if reader is None:
-            self.others[frame.key] += 1
-            return
-        self._take(reader, frame.stamp_us, self._samples(reader, frame))
-
-    def _samples(self, reader: MessageReader, frame: Frame) -> Sequence[Sample]:
-        found = reader.read(frame)
-        if isinstance(found, list):
-            return found
-        for number in reader.concerned(frame, found):
-            self.inputs[number].frames += 1
-        return ()
+        self._take(FrameBatch.of((frame,)), [frame.stamp_us], [frame.key])
 
     def _stretch(self, s: Stretch) -> None:
         self.lasts(int(s.stamps_us[0]))
         self.lasts(int(s.stamps_us[-1]))
-        keys, counts = np.unique(s.keys, return_counts=True)
-        for key, count in zip(keys.tolist(), counts.tolist(), strict=True):
-            if key not in self.receiver.readers:
-                self.others[key] += count
-        for place, stamp_us, reader, samples in self._columns.read(s):
-            if samples is None:
-                samples = self._samples(reader, s.frame(place))
-            self._take(reader, stamp_us, samples)
+        self._take(s.batch, s.stamps_us.tolist(), s.keys.tolist())
+
+    def _take(self, batch: FrameBatch, stamps_us: Sequence[int], keys: Sequence[int]) -> None:
+        reasons, samples = self.receiver.read_all(batch)
+        for reason, stamp_us, key in zip(reasons.tolist(), stamps_us, keys, strict=True):
+            if reason == NOT_MAPPED:
+                self.others[key] += 1
+                continue
+            name = self._messages[key].name
+            self.frames[name] += 1
+            if len(self.times[name]) < MAX_KEPT:
+                self.times[name].append(stamp_us)
+        for stamp_us, number, value in zip(
+            *(samples[of].tolist() for of in ("stamp_us", "input", "value")), strict=True
+        ):
+            if value == value:
+                self.inputs[number].add(stamp_us, value)
+            else:  # of a frame that was refused
+                self.inputs[number].frames += 1
 
     def lasts(self, stamp_us: int) -> None:
         """There was listened at a time."""
         self.first_us = stamp_us if self.first_us is None else min(self.first_us, stamp_us)
         self.last_us = max(self.last_us, stamp_us)
-
-    def _take(self, reader: MessageReader, stamp_us: int, samples: Iterable[Sample]) -> None:
-        self.frames[reader.name] += 1
-        times = self.times[reader.name]
-        if len(times) < MAX_KEPT:
-            times.append(stamp_us)
-        for sample in samples:
-            self.inputs[sample.source].add(stamp_us, sample.value)
 
 
 FOURTH_DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
@@ -203,8 +194,7 @@ def figures(config: Config, gathered: Gathered, rejected: Mapping[tuple[str, Rea
 def _figures(config: Config, gathered: Gathered, number: int, i: Input, refused: Counter[Reason]) -> SignalFigures:
     s = i.source
     message = find_message(config.database, s.message)
-    reader = next(r for r in gathered.receiver.readers.values() if r.name == s.message)
-    signal = next(r for r in reader.signals if r.number == number)
+    signal = next(r for r in gathered.receiver.mapped.signals if r.number == number)
     came = gathered.inputs[number]
     values, stamps, frames = came.si, np.array(gathered.times[s.message], np.int64), gathered.frames[s.message]
     if signal.branch.conditions:  # only some frames of its message carry it

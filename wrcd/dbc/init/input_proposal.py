@@ -4,7 +4,7 @@ import re
 from dataclasses import dataclass, field
 
 from wrcd.bus.dbc import DEFAULT_TIMEOUT_MS, KNOWN_PROFILE, TIMEOUT
-from wrcd.bus.statuses import STATUS
+from wrcd.bus.mapping import STATUS
 from wrcd.bus.units import Quantity
 from wrcd.bus.words import STATUS_NAMES, unusable, usable
 from wrcd.bus.words import degraded as is_degraded

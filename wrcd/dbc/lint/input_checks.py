@@ -7,8 +7,8 @@ from wrcd.bus.dbc import TIMEOUT
 from wrcd.bus.units import Quantity, factor
 from wrcd.bus.words import unusable, usable
 from wrcd.config.input_mapping import MEASURED
+from wrcd.core.coarse_sensors import cost_of_step
 from wrcd.core.design import Design
-from wrcd.core.plausibility import cost_of_step
 from wrcd.dbc.dbc_lines import DbcText, Signal
 from wrcd.dbc.lint.codes import Flaw
 from wrcd.dbc.lint.message_checks import limits

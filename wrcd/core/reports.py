@@ -1,0 +1,104 @@
+"""What comes of a slot: a report of each axle, and the frames."""
+
+import struct
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from wrcd.bus.batch import frame_of
+from wrcd.bus.codec import Value
+from wrcd.bus.frame import Frame
+from wrcd.core.causes import Cause, Validity
+from wrcd.core.vocabulary import SURFACES, words_of
+
+_VALIDITIES = tuple(Validity(word) for word in words_of("adhesion", "Validity"))
+_SURFACES, _CONTACTS, _LEVELS = (words_of("adhesion", name) for name in ("Surface", "ContactState", "Confidence"))
+_CAUSES = tuple(Cause)
+_MADE = struct.Struct("=qIBBH8sqii")  # a frame that was made, as C has it
+Records = np.ndarray[Any, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """One axle at one slot. Adhesion in percent; None is not available."""
+
+    validity: Validity
+    mu_available_pct: float | None
+    mu_used_pct: float | None
+    sample_age_ms: int
+    surface: str
+    contact_state: str
+    confidence: str
+    cause: Cause  # of not being Valid
+    short: bool = False  # for a window of too little track: nothing was lost
+
+    def values(self) -> dict[str, Value]:
+        """By signal name of the DBC."""
+        return {
+            "Validity": self.validity.value,
+            "MuAvailable": self.mu_available_pct,
+            "MuUsed": self.mu_used_pct,
+            "SampleAge": float(self.sample_age_ms),
+            "Surface": self.surface,
+            "ContactState": self.contact_state,
+            "Confidence": self.confidence,
+        }
+
+
+def surface(mu_available_pct: float | None) -> str:
+    """The DBC's class of an adhesion."""
+    if mu_available_pct is None:
+        return "Unknown"
+    return next(name for low, name in SURFACES if mu_available_pct >= low)
+
+
+def report(of: Any) -> Report:
+    """That of a record."""
+    mu, used = float(of["mu_available_pct"]), float(of["mu_used_pct"])
+    return Report(
+        _VALIDITIES[of["validity"]], mu if mu == mu else None, used if used == used else None, int(of["sample_age_ms"]),
+        _SURFACES[of["surface"]], _CONTACTS[of["contact"]], _LEVELS[of["confidence"]], _CAUSES[of["cause"]],
+        bool(of["is_short"]),
+    )  # fmt: skip
+
+
+class Outgoing(NamedTuple):
+    """A frame to send, and the length of its slot: after the slot it is worthless."""
+
+    frame: Frame
+    cycle_us: int
+    cause: Cause  # of an axle's adhesion not being Valid
+    reports: Any  # of the slots that were made at once; report: the axle's place among them, -1: it is no adhesion
+    report: int
+
+    @property
+    def why(self) -> Any:
+        """What an axle's adhesion was estimated as, a record of C; None while it has no estimate."""
+        if self.report < 0 or not self.reports[self.report]["has_estimate"]:
+            return None
+        return self.reports[self.report]["estimate"]
+
+
+class Made(Sequence[Outgoing]):
+    """Frames that were made, as records, and the reports that they are of; each an object when it is looked at."""
+
+    def __init__(self, frames: Records, reports: Records) -> None:
+        self.frames, self.reports = frames, reports
+
+    def followed_by(self, other: "Made") -> "Made":
+        """Both, one behind the other."""
+        later = other.frames.copy()
+        later["report"][later["report"] >= 0] += len(self.reports)
+        return Made(np.concatenate([self.frames, later]), np.concatenate([self.reports, other.reports]))
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+    def __getitem__(self, k: Any) -> Any:
+        return list(self)[k]
+
+    def __iter__(self) -> Iterator[Outgoing]:
+        for stamp_us, word, length, _, cause, data, cycle_us, of, _ in _MADE.iter_unpack(self.frames.tobytes()):
+            yield Outgoing(frame_of(stamp_us, word, data[:length]), cycle_us, _CAUSES[cause], self.reports, of)

@@ -1,0 +1,69 @@
+"""A train in C: its tables, its state, and the buffers of what comes of it. Nothing here decides anything."""
+
+import ctypes
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from wrcd.core.layouts import layouts
+from wrcd.core.tables import Tables
+
+Records = np.ndarray[Any, Any]
+_TABLES = ("settings", "message", "input", "status", "condition", "number", "word", "rule", "sent", "told")
+_STATE = {
+    "core": None, "message_state": "messages", "input_state": "inputs", "status_state": "statuses", "axle": "axles"
+}  # fmt: skip
+OUT = ("made", "report", "event", "sample", "tick")  # in C's order
+
+
+class _Train(ctypes.Structure):
+    _fields_ = [("pointers", ctypes.c_void_p * 18)]
+
+
+class _Out(ctypes.Structure):
+    _fields_ = [
+        ("counts", ctypes.c_int64 * len(OUT)), ("most", ctypes.c_int64 * len(OUT)),
+        ("buffers", ctypes.c_void_p * len(OUT)),
+    ]  # fmt: skip
+
+
+class Train:
+    """Tables and state as C has them. estimator: addresses of its state, its design's table and its newest result."""
+
+    def __init__(self, tables: Tables, estimator: tuple[int, int, int]) -> None:
+        self._tables, settings = tables, tables["settings"][0]
+        self.state: Mapping[str, Records] = {
+            name: np.zeros(1 if of is None else max(1, int(settings[of])), dtype=layouts()[name])
+            for name, of in _STATE.items()
+        }
+        memory, design, result = estimator
+        at = [tables[name].ctypes.data for name in _TABLES]
+        at += [design, *(array.ctypes.data for array in self.state.values()), memory, result]
+        self._struct = _Train((ctypes.c_void_p * 18)(*at))
+        self.pointer = ctypes.addressof(self._struct)
+
+    def copy_from(self, other: "Train") -> None:
+        """Become as another train of the same configuration."""
+        for name, array in self.state.items():
+            array[:] = other.state[name]
+
+
+class Buffers:
+    """What comes of frames and time, until it is taken."""
+
+    def __init__(self, most: Mapping[str, int]) -> None:
+        self._records = {name: np.zeros(most[name], dtype=layouts()[name]) for name in OUT}
+        self._struct = _Out()
+        self._struct.most[:] = [most[name] for name in OUT]
+        self._struct.buffers[:] = [array.ctypes.data for array in self._records.values()]
+        self.pointer = ctypes.addressof(self._struct)
+        self._counts = np.ctypeslib.as_array(self._struct.counts)
+
+    def take(self) -> dict[str, Records]:
+        """Copies of what there is, by its kind; kinds without any are left out."""
+        counts = self._counts.tolist()
+        if not any(counts):
+            return {}
+        self._counts[:] = 0
+        return {name: self._records[name][:count].copy() for name, count in zip(OUT, counts, strict=True) if count}
