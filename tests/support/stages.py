@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from wrcd.bus.reasons import Reason
+from wrcd.core.counts import REASONS
 from wrcd.core.layouts import layouts
-from wrcd.core.reading import REASONS, Checker
+from wrcd.core.reading import Checker
 from wrcd.core.state import Train
 from wrcd.core.tables import DIRECTION, LAT, LOAD, QUANTITIES, RADIUS, SPEED, TORQUE, YAW, Tables
 from wrcd.native import library

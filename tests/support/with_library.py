@@ -9,5 +9,5 @@ from wrcd import native
 if __name__ == "__main__":
     _, file, module, *sys.argv[1:] = sys.argv
     loaded = native.load(Path(file))
-    native.library = lambda: loaded  # type: ignore[assignment]  # before any other module takes it by its name
+    vars(native)["library"] = lambda: loaded  # before any other module takes it by its name
     runpy.run_module(module, run_name="__main__", alter_sys=True)

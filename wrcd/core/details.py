@@ -11,7 +11,7 @@ from wrcd.bus.mapping import Mapped
 from wrcd.bus.reasons import Reason
 from wrcd.core.causes import Cause
 from wrcd.core.configuration import LOAD_SHARES, RADIUS_SHARES, Config
-from wrcd.core.tables import BRAKE, LAT, LOAD, QUANTITIES, RADIUS, SPEED, TORQUE, YAW
+from wrcd.core.tables import BRAKE, LAT, LOAD, QUANTITIES, RADIUS, SPEED, TORQUE, YAW, silent_us
 from wrcd.core.terms import HARSH_SHARE, MAX_JUMP, MIN_FIRING, MIN_M, MODELS, EstimateDoubt, PairState
 
 MAX_INPUTS = 2  # that a text names; of more the number
@@ -117,7 +117,7 @@ class Details:
     def _overdue(self, e: Event) -> str:
         def text(k: int, number: int) -> str:
             age_us, of = int(e["age_us"][k]), self._config.inputs[self._number(number)]
-            limit_us = of.timeout_us if e["cause"] == Cause.INPUT_STALE else self._silent_us(number)
+            limit_us = of.timeout_us if e["cause"] == Cause.INPUT_STALE else silent_us(self._config, of)
             if age_us == NEVER:
                 return f"{self._signal(number)} has not come{_refused(e, k)}"
             return f"{self._signal(number)} {age_us / 1000:.1f} ms old, limit {limit_us / 1000:g}{_refused(e, k)}"
@@ -128,10 +128,6 @@ class Details:
         """The place of an input in the configuration."""
         source = self._sources[number]
         return next(k for k, i in enumerate(self._config.inputs) if i.source is source)
-
-    def _silent_us(self, number: int) -> int:
-        i, after = self._config.inputs[self._number(number)], self._config.not_available_after_us
-        return after if QUANTITIES.index(i.source.quantity) <= SPEED else max(i.timeout_us, after)
 
     def _contested(self, e: Event) -> str:
         return self._listed(e, lambda k, number: f"{self._signal(number)}: two sequences of counters{_refused(e, k)}")

@@ -14,12 +14,12 @@ from wrcd.bus.mapping import Mapped
 from wrcd.bus.reasons import Reason
 from wrcd.bus.signals import Source
 from wrcd.core.configuration import Input
+from wrcd.core.counts import REASONS
 from wrcd.core.layouts import layouts
 from wrcd.core.state import Train
 from wrcd.core.tables import input_tables
 from wrcd.native import library
 
-REASONS: tuple[Reason | None, ...] = (None, *Reason)  # by their number in C
 NOT_MAPPED = -1
 Records = np.ndarray[Any, Any]
 

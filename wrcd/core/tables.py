@@ -96,8 +96,8 @@ def _filled(kind: str, rows: Sequence[dict[str, Any]]) -> Records:
     return out
 
 
-def input_tables(mapped: Mapped, inputs: Sequence[Input], silent_us: Sequence[int] = ()) -> Tables:
-    """Of what is read: messages, inputs, statuses. silent_us: of each input, without which there is no estimate.
+def input_tables(mapped: Mapped, inputs: Sequence[Input], silent: Sequence[int] = ()) -> Tables:
+    """Of what is read: messages, inputs, statuses. silent: of each input, us without which there is no estimate.
 
     Raises InputError where a message has more inputs than the core has room for.
     """
@@ -114,7 +114,7 @@ def input_tables(mapped: Mapped, inputs: Sequence[Input], silent_us: Sequence[in
     known = [_input(rows, s, inputs[s.number], [place[r] for r in s.source.statuses]) for s in signals]
     for k, row in enumerate(known):
         row["next"] = of_parts.get(k, -1)
-        row["silent_us"] = silent_us[signals[k].number] if silent_us else 0
+        row["silent_us"] = silent[signals[k].number] if silent else 0
     message, first = [], 0
     for m in mapped.messages:
         if len(m.signals) > MAX_SIGNALS:
@@ -158,13 +158,16 @@ def _parts(signals: Sequence[MappedSignal]) -> dict[int, int]:
     return {one: other for chain in chains.values() for one, other in itertools.pairwise(chain)}
 
 
+def silent_us(config: Config, i: Input) -> int:
+    """After which an input is silent: a slow one (load, radius, direction) may take its own time-out, a measurement may
+    not."""
+    after = config.not_available_after_us
+    return after if QUANTITIES.index(i.source.quantity) <= SPEED else max(i.timeout_us, after)
+
+
 def tables_of(config: Config, mapped: Mapped) -> Tables:
     """All that the core of a configuration needs beside its design."""
-    after = config.not_available_after_us
-    # slow inputs (load, radius, direction) may take their own time-out; the measurements may not
-    fast = {QUANTITIES[q] for q in range(SPEED + 1)}
-    silent_us = [after if i.source.quantity in fast else max(i.timeout_us, after) for i in config.inputs]
-    out = input_tables(mapped, config.inputs, silent_us)
+    out = input_tables(mapped, config.inputs, [silent_us(config, i) for i in config.inputs])
     sent, told = _sent(config)
     out |= {"sent": _filled("sent", sent), "told": _filled("told", told)}
     out["settings"] = _filled("settings", [_settings(config, mapped, out, len(sent))])

@@ -2,7 +2,7 @@
 statuses in other frames, torque in parts."""
 
 import math
-from typing import Any
+from typing import Any, Literal
 
 import pytest
 from hypothesis import given
@@ -99,10 +99,10 @@ class Decoder:
         return samples
 
 
-def floats(width: int, most: float) -> st.SearchStrategy[float]:
+def floats(width: Literal[16, 32, 64], most: float) -> st.SearchStrategy[float]:
     """Usual ones most of the time."""
-    usual = st.floats(-most, most, width=width)  # type: ignore[arg-type]
-    return st.one_of(usual, usual, usual, st.floats(width=width))  # type: ignore[arg-type]
+    usual = st.floats(-most, most, width=width)
+    return st.one_of(usual, usual, usual, st.floats(width=width))
 
 
 WORDS = st.one_of(st.sampled_from((1, 2, 3, 5, 6, 200)), st.sampled_from((1, 5)), st.integers(0, 255))

@@ -14,7 +14,8 @@ from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
 from wrcd.bus.signals import Source, StatusRule
 from wrcd.bus.units import Quantity
-from wrcd.core.reading import REASONS, Receiver, Sample
+from wrcd.core.counts import REASONS
+from wrcd.core.reading import Receiver, Sample
 
 SIMPLE = """
 BO_ 800 M: 8 B

@@ -14,7 +14,8 @@ from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
 from wrcd.bus.signals import Source, StatusRule
 from wrcd.bus.units import Quantity
-from wrcd.core.reading import NOT_MAPPED, REASONS, Receiver, Sample
+from wrcd.core.counts import REASONS
+from wrcd.core.reading import NOT_MAPPED, Receiver, Sample
 
 DBC = """
 BO_ 800 Gyro: 4 B
