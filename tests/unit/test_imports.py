@@ -81,7 +81,7 @@ BUDGETS = {
     "wrcd/contract": 1312,
     "wrcd/core": 6560,
     "wrcd/dbc": 3270,
-    "wrcd/kit": 3138,
+    "wrcd/kit": 3350,
     "wrcd/logs": 5000,
     "wrcd/monitor": 2554,
     "wrcd/recorder": 557,

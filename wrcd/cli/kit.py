@@ -11,25 +11,25 @@ def _add(p: argparse.ArgumentParser) -> None:
     p.add_argument("-o", "--output", type=Path, metavar="DIR", required=True, help="the folder to write it to")
     add_config(p)
     p.add_argument(
-        "--estimator",
+        "--core",
         action="store_true",
-        help="write the estimator in C instead, with the design as a table, to run on an ECU",
+        help="write the core in C instead, with the configuration's tables, to run on an ECU",
     )
     p.add_argument("--force", action="store_true", help="overwrite files that are no kit's, or were edited")
 
 
 def _run(args: argparse.Namespace) -> int:
-    from wrcd.kit.write_kit import estimator_kit, kit
+    from wrcd.kit.write_kit import core_kit, kit
 
-    return (estimator_kit if args.estimator else kit)(args.output, args.config, args.force)
+    return (core_kit if args.core else kit)(args.output, args.config, args.force)
 
 
 COMMAND = Subcommand(
     "kit",
-    "a receiver in C of the Adhesion frames, or the estimator in C, with their tests",
+    "a receiver in C of the Adhesion frames, or wrcd's core in C, with their tests",
     (
         ("wrcd kit --config train.toml -o receiver", "of a train's own DBC; make -C receiver tests it"),
-        ("wrcd kit --estimator -o estimator", "the estimator itself, to run on an ECU"),
+        ("wrcd kit --core -o core", "CAN frames in, adhesion frames out: to run on an ECU"),
     ),
     _add,
     _run,

@@ -10,7 +10,7 @@ from wrcd.core.layouts import layouts
 from wrcd.core.tables import Tables
 
 Records = np.ndarray[Any, Any]
-_TABLES = ("settings", "message", "input", "status", "condition", "number", "word", "rule", "sent", "told")
+TABLES = ("settings", "message", "input", "status", "condition", "number", "word", "rule", "sent", "told")
 _STATE = {
     "core": None, "message_state": "messages", "input_state": "inputs", "status_state": "statuses", "axle": "axles"
 }  # fmt: skip
@@ -38,7 +38,7 @@ class Train:
             for name, of in _STATE.items()
         }
         memory, design, result = estimator
-        at = [tables[name].ctypes.data for name in _TABLES]
+        at = [tables[name].ctypes.data for name in TABLES]
         at += [design, *(array.ctypes.data for array in self.state.values()), memory, result]
         self._struct = _Train((ctypes.c_void_p * 18)(*at))
         self.pointer = ctypes.addressof(self._struct)

@@ -8,8 +8,9 @@ from pathlib import Path
 
 from wrcd import __version__
 from wrcd.config.config import load_config
+from wrcd.core.configuration import Config
 from wrcd.errors import Status
-from wrcd.kit import estimator_files
+from wrcd.kit import core_files
 from wrcd.kit.c_tables import tables
 from wrcd.kit.field_table import fields, levels, warnings
 from wrcd.kit.files import filled, headed, write
@@ -27,25 +28,27 @@ def kit(folder: Path, config_file: Path | None, force: bool) -> int:
     """Write the kit of a configuration, None: the packaged one, and say what it cannot do. Raises InputError."""
     config = load_config(config_file)
     found = messages(config)
-    # cat train.toml train.dbc | sha256sum
-    toml = b"" if config_file is None else config_file.read_bytes()
-    checksum = hashlib.sha256(toml + config.dbc_file.read_bytes()).hexdigest()
     source = _PACKAGED if config_file is None else f"`{config_file.name}` and `{config.dbc_file.name}`"
-    write(folder, files_of(found, checksum, source), force)
+    write(folder, files_of(found, _checksum(config, config_file), source), force)
     print(f"{folder}: receiver of {', '.join(m.name for m in found)}; {_how_to_test(folder)}")
     for line in warnings(found):
         print(f"warning: {line}", file=sys.stderr)
     return Status.DONE
 
 
-def estimator_kit(folder: Path, config_file: Path | None, force: bool) -> int:
-    """Write the estimator of a configuration's axles and design, None: the packaged one. Raises InputError."""
+def core_kit(folder: Path, config_file: Path | None, force: bool) -> int:
+    """Write the core with a configuration's tables and design, None: the packaged one. Raises InputError."""
     config = load_config(config_file)
-    axles = len(config.axles)
-    write(folder, estimator_files.files_of(config.design, axles), force)
-    design = estimator_files.name_of(config.design)
-    print(f"{folder}: estimator of {axles} axles, design {design}; {_how_to_test(folder)}")
+    write(folder, core_files.files_of(config, _checksum(config, config_file)), force)
+    axles, design = len(config.axles), core_files.name_of(config.design)
+    print(f"{folder}: core of {axles} axle{'s' * (axles > 1)}, design {design}; {_how_to_test(folder)}")
     return Status.DONE
+
+
+def _checksum(config: Config, config_file: Path | None) -> str:
+    """cat train.toml train.dbc | sha256sum."""
+    toml = b"" if config_file is None else config_file.read_bytes()
+    return hashlib.sha256(toml + config.dbc_file.read_bytes()).hexdigest()
 
 
 def _how_to_test(folder: Path) -> str:

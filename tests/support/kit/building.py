@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.tools import missing
-from wrcd.kit.write_kit import estimator_kit, kit
+from wrcd.kit.write_kit import core_kit, kit
 
 HERE = Path(__file__).parent
 WARNINGS = ("-std=c11", "-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-Wpedantic", "-Werror")
@@ -17,9 +17,9 @@ COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)]
 needs_compiler = pytest.mark.skipif(not COMPILERS, reason=missing("gcc"))
 
 
-def written(folder: Path, config_file: Path | None = None, *, estimator: bool = False) -> Path:
+def written(folder: Path, config_file: Path | None = None, *, core: bool = False) -> Path:
     """The folder, with a kit in it."""
-    (estimator_kit if estimator else kit)(folder, config_file, False)
+    (core_kit if core else kit)(folder, config_file, False)
     return folder
 
 

@@ -181,8 +181,8 @@ static void close_tick(const wrcd_train *t, wrcd_out *out)
 /* Whether the buffers have room for what a tick and a frame may bring. */
 static bool has_room(const wrcd_train *t, const wrcd_out *out)
 {
-    const int64_t needs[WRCD_OUT_KINDS] = {
-        t->settings->sent, t->settings->axles, EVENTS_OF_A_TICK * t->settings->axles, t->settings->inputs, 1};
+    const int64_t n = t->settings->axles, needs[WRCD_OUT_KINDS] = {
+        t->settings->sent, n, EVENTS_OF_A_TICK * n, t->core->keeps_samples ? t->settings->inputs : 0, t->core->keeps_ticks};
 
     for (int k = 0; k < WRCD_OUT_KINDS; k++)
         if (out->counts[k] + needs[k] > out->most[k])
@@ -252,7 +252,7 @@ static void refuse(const wrcd_train *t, int message, const wrcd_frame_head *f, i
 static void take(const wrcd_train *t, wrcd_out *out, const wrcd_message *m, const wrcd_frame_head *f, int64_t room)
 {
     const int message = (int)(m - t->message);
-    value values[WRCD_MAX_SIGNALS];
+    reading values[WRCD_MAX_SIGNALS];
     int count, reason = wrcd_read_frame(t, message, f, room, values, &count);
 
     for (int k = 0, read = reason; read == WRCD_REASON_NONE && k < count; k++) {

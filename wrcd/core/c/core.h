@@ -34,13 +34,13 @@ static inline int64_t divided(int64_t a, int64_t b) { return a / b - (a % b < 0)
 static inline int64_t remainder_of(int64_t a, int64_t b) { return a - divided(a, b) * b; }
 static inline bool has(int32_t axles, int axle) { return axles >> axle & 1; }
 
-typedef struct { double value; int32_t input; bool is_degraded, is_contested; } value;
+typedef struct { double value; int32_t input; bool is_degraded, is_contested; } reading;
 
 /* frames.c: what a frame carries, or why it is refused */
 const wrcd_message *wrcd_message_of(const wrcd_train *t, uint32_t word);
 uint64_t wrcd_bits_of(const wrcd_field *at, const uint8_t *data, int length);
 bool wrcd_carried(const wrcd_train *t, int first, int conditions, const uint8_t *data, int length);
-int wrcd_read_frame(const wrcd_train *t, int message, const wrcd_frame_head *f, int64_t room, value *values, int *count);
+int wrcd_read_frame(const wrcd_train *t, int message, const wrcd_frame_head *f, int64_t room, reading *values, int *count);
 bool wrcd_is_concerned(const wrcd_train *t, const wrcd_message *m, int input, const wrcd_frame_head *f, int reason);
 void wrcd_forget_senders(const wrcd_train *t);
 
@@ -51,7 +51,7 @@ bool wrcd_e2e_suspect(const wrcd_message_state *m);
 void wrcd_e2e_reset(wrcd_message_state *m);
 
 /* plausibility.c */
-int wrcd_plausible(const wrcd_train *t, const value *v, int64_t stamp_us);
+int wrcd_plausible(const wrcd_train *t, const reading *v, int64_t stamp_us);
 bool wrcd_is_unchanged(const wrcd_train *t, int input, int64_t now_us);
 void wrcd_plausibility_reset(wrcd_input_state *s);
 
@@ -61,7 +61,7 @@ typedef struct {
     uint8_t present[WRCD_CHANNELS * WRCD_MAX_AXLES];
     int32_t stale, silent; /* axles, a bit each */
 } tick_inputs;
-bool wrcd_accept(const wrcd_train *t, const value *v, int64_t stamp_us);
+bool wrcd_accept(const wrcd_train *t, const reading *v, int64_t stamp_us);
 void wrcd_reject(const wrcd_train *t, int input, int64_t stamp_us, int reason);
 void wrcd_inputs_begin(const wrcd_train *t);
 void wrcd_inputs_reset(const wrcd_train *t);

@@ -172,7 +172,7 @@ static int read_value(const wrcd_train *t, const wrcd_input *s, const wrcd_messa
 
 /* The values of a frame of a mapped message, with room for so many bytes; none where a multiplexer selects none. Returns why
  * it is refused. */
-int wrcd_read_frame(const wrcd_train *t, int message, const wrcd_frame_head *f, int64_t room, value *values, int *count)
+int wrcd_read_frame(const wrcd_train *t, int message, const wrcd_frame_head *f, int64_t room, reading *values, int *count)
 {
     const wrcd_message *m = &t->message[message];
     const bool is_fd = f->flags & WRCD_FD;

@@ -193,7 +193,7 @@ static void turn(const wrcd_train *t)
 
 /* A value of an accepted frame. Returns whether it is clipped: a measurement at an end of its range, which is there in
  * time, and which no tick uses, for nobody knows how much larger the truth is. */
-bool wrcd_accept(const wrcd_train *t, const value *v, int64_t stamp_us)
+bool wrcd_accept(const wrcd_train *t, const reading *v, int64_t stamp_us)
 {
     const wrcd_input *i = &t->input[v->input];
     wrcd_input_state *s = &t->input_state[v->input];

@@ -49,7 +49,7 @@ static double weigh(const wrcd_estimator *e, const wrcd_design *d, int axle, con
     const double *memory = e->axle[axle].memory, lifts = log(MOST_LIFTED);
     const bool cut = best->blocks < d->usual;
     double share; /* of the window's own word: it is in the fused one */
-    const word own = wrcd_memory_spoken(memory[PRECISION], memory[WEIGHED], wrcd_memory_word(best), !cut, &share);
+    const rail_word own = wrcd_memory_spoken(memory[PRECISION], memory[WEIGHED], wrcd_memory_word(best), !cut, &share);
     const double from_rules = exp(own.log_pct);
     const double allowed = lesser(memory[PEAK_PCT], exp(own.log_pct + lesser(ALLOWED * own.sigma, lifts)));
     const double carried = fmax(100.0 * m->lasting, allowed), mu = lesser(greater(from_rules, carried), 100.0);

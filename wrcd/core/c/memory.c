@@ -60,10 +60,10 @@ static const double CLEAR = 0.8;  /* of the newest part that must hold data: los
 static const double BEGINS = 0.2; /* of a word's weight is what a memory begins with: the rail may still be changing */
 static const double LEAST_PCT = 0.01; /* a word of less is this: there is no logarithm of nothing */
 
-word wrcd_memory_word(const window_answer *a) { return (word){log(greater(a->mu_pct, LEAST_PCT)), a->spread / SIGMAS}; }
+rail_word wrcd_memory_word(const window_answer *a) { return (rail_word){log(greater(a->mu_pct, LEAST_PCT)), a->spread / SIGMAS}; }
 
 /* The fused word where there is one, on its way to the window's own (share 1) where that lies far from it. */
-word wrcd_memory_spoken(double precision, double weighed, word own, bool whole, double *share)
+rail_word wrcd_memory_spoken(double precision, double weighed, rail_word own, bool whole, double *share)
 {
     const bool none = precision == 0.0 || !isfinite(own.sigma);
     const double x = weighed / precision, apart = (own.log_pct - x) / own.sigma;
@@ -75,13 +75,13 @@ word wrcd_memory_spoken(double precision, double weighed, word own, bool whole, 
     if (!(*share < 1.0))
         return own;
     const double sigma = lesser(1.0 / sqrt(precision), own.sigma);
-    return (word){(1.0 - *share) * x + *share * own.log_pct, (1.0 - *share) * sigma + *share * own.sigma};
+    return (rail_word){(1.0 - *share) * x + *share * own.log_pct, (1.0 - *share) * sigma + *share * own.sigma};
 }
 
 /* A step later: the word of the window, which is whole or cut, and that of its newest part, of which a share holds data;
  * in_use_pct: what has been in use all the time lately. Returns whether it is another rail. */
-bool wrcd_memory_fuse(double m[WRCD_REMEMBERED], word own, bool whole, word newest, double live_share, double in_use_pct,
-                      double step_s, double speed_m_s)
+bool wrcd_memory_fuse(double m[WRCD_REMEMBERED], rail_word own, bool whole, rail_word newest, double live_share,
+                      double in_use_pct, double step_s, double speed_m_s)
 {
     const bool usable = isfinite(own.sigma);
     const double new_precision = 1.0 / (own.sigma * own.sigma);

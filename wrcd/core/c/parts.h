@@ -98,11 +98,11 @@ void wrcd_rules_ask_both(const wrcd_estimator *e, const wrcd_design *d, int axle
 /* memory.c */
 static const double SIGMAS = 1.645; /* in the half-width of a 90 % interval */
 enum { PRECISION, WEIGHED, PEAK_PCT, PEAK_AGE_S, ANOTHER }; /* what is remembered */
-typedef struct { double log_pct, sigma; } word;
-word wrcd_memory_word(const window_answer *a);
-word wrcd_memory_spoken(double precision, double weighed, word own, bool whole, double *share);
-bool wrcd_memory_fuse(double memory[WRCD_REMEMBERED], word own, bool whole, word newest, double live_share, double in_use_pct,
-                      double step_s, double speed_m_s);
+typedef struct { double log_pct, sigma; } rail_word;
+rail_word wrcd_memory_word(const window_answer *a);
+rail_word wrcd_memory_spoken(double precision, double weighed, rail_word own, bool whole, double *share);
+bool wrcd_memory_fuse(double memory[WRCD_REMEMBERED], rail_word own, bool whole, rail_word newest, double live_share,
+                      double in_use_pct, double step_s, double speed_m_s);
 void wrcd_memory_changes(wrcd_estimator *e, const wrcd_design *d, int axle);
 void wrcd_memory_remember(wrcd_estimator *e, const wrcd_design *d, int axle, double inputs[WRCD_COLUMNS], double *ratio);
 

@@ -92,7 +92,7 @@ static int jump(const wrcd_input *i, wrcd_input_state *s, double value, int64_t 
 }
 
 /* Whether a value can be believed. Looking keeps state: look at every value of a frame. */
-int wrcd_plausible(const wrcd_train *t, const value *v, int64_t stamp_us)
+int wrcd_plausible(const wrcd_train *t, const reading *v, int64_t stamp_us)
 {
     const wrcd_input *i = &t->input[v->input];
     wrcd_input_state *s = &t->input_state[v->input];

@@ -11,7 +11,7 @@ int64_t wrcd_read(const wrcd_train *t, const unsigned char *records, int64_t str
     for (int64_t k = 0; k < frames; k++) {
         const wrcd_frame_head *f = (const wrcd_frame_head *)(const void *)(records + k * stride);
         const wrcd_message *m = wrcd_message_of(t, f->word);
-        value values[WRCD_MAX_SIGNALS];
+        reading values[WRCD_MAX_SIGNALS];
         int count = 0;
         reasons[k] = -1;
         if (m == NULL)
