@@ -215,7 +215,7 @@ def _structure(of: Mapping[str, Member], keeps: list[object]) -> Any:
 
 def _member(name: str, value: Member, keeps: list[object]) -> tuple[Any, Any]:
     def pointed(array: np.ndarray[Any, Any]) -> int:
-        flat = np.ascontiguousarray(array)
+        flat = np.ascontiguousarray(array, np.int32 if array.dtype == np.int32 else np.float64)
         keeps.append(flat)
         return int(flat.ctypes.data)
 

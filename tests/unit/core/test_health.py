@@ -4,6 +4,7 @@ That the packaged designs find what they should is for test_sound_sensors.py and
 """
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -100,6 +101,18 @@ def test_hazard_lets_a_state_begin_that_was_ruled_out() -> None:
 def test_evidence_is_relative_to_a_sound_pair() -> None:
     m = replace(model(), out_bias=np.arange(STATES, dtype=float) + 3.0)
     assert evidence(m, np.zeros((2, PAIR_FEATURES))).tolist() == [list(range(STATES))] * 2
+
+
+@pytest.mark.parametrize("precision", [np.float32, np.float64])
+def test_evidence_is_a_networks_whatever_precision_it_was_fitted_in(precision: type[np.floating[Any]]) -> None:
+    """scikit-learn's of features in single precision is in single precision."""
+    rng, f, h = np.random.default_rng(1), PAIR_FEATURES, 5
+    given = (rng.standard_normal(shape).astype(precision) for shape in ((f, h), (h,), (h, STATES)))
+    hidden, bias, out = (np.asarray(0.3 * of) for of in given)
+    m = replace(model(), hidden=hidden, hidden_bias=bias, out=out)
+    x = rng.standard_normal((20, f))
+    says = np.tanh(np.clip(x, -5.0, 5.0) @ m.hidden.astype(np.float64) + bias) @ out.astype(np.float64)
+    assert evidence(m, x) == pytest.approx(says - says[:, :1], abs=1e-9)
 
 
 def test_what_was_found_stays_while_there_is_no_data() -> None:
