@@ -6,9 +6,9 @@ from operator import attrgetter
 import numpy as np
 
 from tests.oracle.estimator import Oracle, Stepped
+from tests.support.stepped import SteppedEstimator, StepResult, Tick, health_figures, log_odds, pair_states
 from wrcd.core.design import FloatArray
-from wrcd.core.estimator import Estimator
-from wrcd.core.records import Estimate, StepResult, Tick
+from wrcd.core.records import Estimate
 
 # Of the largest innovation of an axle since its reset, and of 1. What differs is the order of sums; a filter's closed
 # loop makes a rounding of its state up to 140 times as large before it fades, and H turns a radian of it into up to
@@ -36,7 +36,7 @@ WHOLE = ("rule", "winner", "saturated", "contradicted", "doubt", "regime")
 class Comparison:
     """Shown an estimator's ticks, an oracle does the same; raises AssertionError where they differ."""
 
-    def __init__(self, estimator: Estimator) -> None:
+    def __init__(self, estimator: SteppedEstimator) -> None:
         self.estimator, self.oracle = estimator, Oracle(estimator.design, estimator.axles)
         self._largest = np.ones(estimator.axles)
         self._recent, self._ticks = np.zeros((KEPT, estimator.axles)), 0
@@ -100,11 +100,11 @@ class Comparison:
     def _answered(self, close: float) -> None:
         """What an estimator tells beside its estimate."""
         oracle, estimator = self.oracle, self.estimator
-        ours, theirs = oracle.health, estimator.health
+        ours, theirs = oracle.health, estimator
         now = oracle.torque_now()
         self._close("torque_now", now, estimator.torque_now(), CLOSE)
-        self._close("log_odds", ours.log_odds, theirs.log_odds, close)
-        assert ours.state.tolist() == theirs.state.tolist()
+        self._close("log_odds", ours.log_odds, log_odds(theirs), close)
+        assert ours.state.tolist() == pair_states(theirs).tolist()
         blocks = np.repeat(LENGTHS, oracle.axles)
         of_inputs = max(close, CLOSE_WITHOUT_DATA)
         with np.errstate(all="ignore"):
@@ -114,7 +114,7 @@ class Comparison:
             self._close("steps", oracle.steps(), estimator.steps(), of_inputs)
             self._close("features", oracle.features(), estimator.features(), of_inputs)
         for axle in range(oracle.axles):
-            self._close("figures", np.array([ours.figures(axle)]), np.array([theirs.figures(axle)]), of_inputs)
+            self._close("figures", np.array([ours.figures(axle)]), np.array([health_figures(theirs, axle)]), of_inputs)
         assert self.oracle.outliers == self.estimator.outliers
         assert self.oracle.started.tolist() == self.estimator.started.tolist()
 

@@ -12,8 +12,9 @@ from tests.oracle.interval import Answers, Draft
 from tests.oracle.memory import ANOTHER_STEPS, STEP_TICKS, ChangeDetector, Remembered, remember
 from tests.oracle.residuals import BLOCK_TICKS, Lengths, Window, quiet
 from tests.oracle.signals import HOLD_TICKS, MAX_PULSE, Gate, Joints, NoiseLevel, Offset, Sections
+from tests.support.stepped import Outliers, Tick
 from wrcd.core.design import BoolArray, Design, FloatArray, IntArray
-from wrcd.core.records import Estimate, Outliers, Tick
+from wrcd.core.records import Estimate
 from wrcd.core.terms import MODELS
 
 OFFSET_WINDOWS = 2  # memory of the sensors' offsets, in windows

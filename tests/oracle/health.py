@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import butter
 
+from tests.support.stepped import HealthFigures
 from wrcd.core.design import BoolArray, FloatArray, HealthModel, IntArray
-from wrcd.core.records import HealthFigures
 from wrcd.core.terms import CHANNELS, COLUMNS, PairState
 
 BANDS_HZ = ((0.0, 1.5), (3.0, 10.0), (10.0, 25.0))

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
+from tests.support.stepped import Outliers
 from wrcd.core.design import BoolArray, FloatArray
-from wrcd.core.records import Outliers
 from wrcd.core.terms import CHANNELS, MODELS
 
 

@@ -10,7 +10,7 @@ from tests.oracle import health, interval, residuals, rules, signals
 from tests.oracle.comparison import Comparison
 from tests.support.estimator_runs import tick, track
 from tests.support.fuzzed_ticks import Train, designs
-from wrcd.core.estimator import Estimator
+from tests.support.stepped import SteppedEstimator
 from wrcd.core.terms import MAX_AXLES
 from wrcd.native import constant
 
@@ -19,7 +19,7 @@ designs_once = cache(designs)
 
 def compared(name: str, axles: int, seed: int, ticks: int, every: int) -> Comparison:
     """Over so many ticks of a train; every: ticks between two estimates."""
-    estimator = Estimator(designs_once()[name], axles)
+    estimator = SteppedEstimator(designs_once()[name], axles)
     both = Comparison(estimator)
     for k, step in enumerate(Train(axles, seed).steps(ticks)):
         result = estimator.step(step.tick)
@@ -54,7 +54,7 @@ def test_estimator_agrees_with_its_oracle_while_torque_rises_beyond_what_is_said
     """Signals of one rail, under rules that say half of what they should: from coasting to a contradiction, and
     to a peak that is remembered."""
     design = designs_once()["lone-wheelset"]
-    estimator = Estimator(replace(design, polynomial=0.5 * design.polynomial), 1)
+    estimator = SteppedEstimator(replace(design, polynomial=0.5 * design.polynomial), 1)
     both, regimes, contradicted = Comparison(estimator), set[int](), set[bool]()
     z = track(14.0, curve=curve, torque_Nm=torque_Nm)
     for k, row in enumerate(z):

@@ -12,11 +12,10 @@ from sim_ecu.design.brief import load_source
 from tests.oracle.comparison import Comparison
 from tests.oracle.live_filters import LiveFilters, Models
 from tests.support.scenarios import FOUR_AXLES, LogOf, held
+from tests.support.stepped import SteppedEstimator, StepResult, Tick
 from wrcd.config.config import load_config
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
-from wrcd.core.estimator import Estimator
-from wrcd.core.records import StepResult, Tick
 from wrcd.core.terms import CHANNELS, MAX_AXLES
 from wrcd.logs.damage import Damage
 from wrcd.logs.reader import read_log
@@ -42,7 +41,7 @@ class Beside:
     def __init__(self, config: Config) -> None:
         self._axles = len(config.axles)
         models = Models(load_source(config.design_file))
-        self._estimator = Estimator(config.design, self._axles)
+        self._estimator = SteppedEstimator(config.design, self._axles)
         self.both = Comparison(self._estimator)
         self._live = [LiveFilters(models) for _ in range(self._axles)]
         self.innovations: list[NDArray[np.float64]] = []

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from tests.support.lone_wheelset import LONE_DESIGN
+from tests.support.stepped import SteppedEstimator
 from wrcd.core.design import BoolArray, Design, FloatArray, load_design
-from wrcd.core.estimator import Estimator
 from wrcd.core.terms import BLOCK_TICKS, CHANNELS, COLUMNS, MODELS
 from wrcd.native import library
 
@@ -34,7 +34,7 @@ class Part:
     """The state of an estimator of so many axles, of which a part is used."""
 
     def __init__(self, axles: int, design: Design | None = None) -> None:
-        self.estimator = Estimator(load_design(LONE_DESIGN) if design is None else design, axles)
+        self.estimator = SteppedEstimator(load_design(LONE_DESIGN) if design is None else design, axles)
         self.e, self.d, _ = map(ctypes.c_void_p, self.estimator.addresses)
         self.state, self.axles = self.estimator._axle, axles
 

@@ -16,7 +16,7 @@ def state(thing: Any) -> Any:
     if isinstance(thing, Core):
         return of_core(thing)
     if isinstance(thing, Estimator):
-        return thing.state
+        return thing._memory.tobytes()
     if isinstance(thing, np.ndarray):
         return thing.dtype.str, thing.shape, thing.tobytes()
     if isinstance(thing, dict):

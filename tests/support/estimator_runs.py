@@ -5,9 +5,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from tests.support.signals import measured
+from tests.support.stepped import SteppedEstimator, Tick
 from wrcd.core.design import FloatArray
-from wrcd.core.estimator import Estimator
-from wrcd.core.records import Estimate, Tick
+from wrcd.core.records import Estimate
 
 RATIO = 0.136  # of the torque that `measured` has by default
 EVERY = 4  # ticks between two estimates, as on the bus
@@ -24,7 +24,9 @@ def track(seconds: float, seed: int = 1, curve: str = "B", torque_Nm: float = 10
     return measured(curve, torque_Nm, seconds=seconds, seed=seed)[..., None]
 
 
-def estimates(e: Estimator, z: FloatArray, ratio: FloatArray | float = RATIO, first: int = 0) -> Iterator[Estimate]:
+def estimates(
+    e: SteppedEstimator, z: FloatArray, ratio: FloatArray | float = RATIO, first: int = 0
+) -> Iterator[Estimate]:
     """Every EVERY ticks over z (ticks, 2, n) from a tick on."""
     ratios = np.broadcast_to(ratio, len(z))
     for k, row in enumerate(z):

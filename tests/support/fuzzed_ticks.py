@@ -10,10 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sim_ecu import resources as rig
+from tests.support.stepped import SteppedEstimator, Tick, health_figures, pair_states
 from wrcd import native, resources
 from wrcd.core.design import Design, FloatArray, load_design
-from wrcd.core.estimator import Estimator
-from wrcd.core.records import Tick
 from wrcd.core.terms import MAX_AXLES
 
 MAX_SIGNAL = np.array([[8.388606], [83.88606]])  # yaw rate, lateral acceleration
@@ -105,15 +104,15 @@ class Train:
         return Step(Tick(number, np.where(present, z, np.nan), present, ratio, self._speed), resets)
 
 
-def answers(e: Estimator) -> Iterator[FloatArray]:
+def answers(e: SteppedEstimator) -> Iterator[FloatArray]:
     """All that the estimator is asked beside its estimate."""
     now = e.torque_now()
     yield now
     yield e.inputs_of(np.repeat(np.array([3, 17, 60]), e.axles), now)
     yield e.steps()
     yield e.features()
-    yield np.asarray(e.health.state, dtype=np.float64)
-    yield np.array([e.health.figures(axle) for axle in range(e.axles)])
+    yield np.asarray(pair_states(e), dtype=np.float64)
+    yield np.array([health_figures(e, axle) for axle in range(e.axles)])
 
 
 def main(ticks: str) -> int:
@@ -121,7 +120,7 @@ def main(ticks: str) -> int:
     done = 0
     for design in designs().values():
         for axles in range(1, MAX_AXLES + 1):
-            e = Estimator(design, axles)
+            e = SteppedEstimator(design, axles)
             for step in Train(axles, axles, wild=True).steps(int(ticks)):
                 result = e.step(step.tick)
                 needs_reset = np.flatnonzero(result.needs_reset).tolist()

@@ -6,22 +6,15 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from wrcd.core.design import BoolArray, Design, FloatArray, HealthModel, IntArray
+from wrcd.core.design import Design, FloatArray, HealthModel, IntArray
 from wrcd.core.design_members import IN_PLACE, Member, OverSpeed, health_members, members
 from wrcd.core.layouts import layouts
-from wrcd.core.records import Estimate, HealthFigures, Outliers, StepResult, Tick, Ticks
-from wrcd.core.terms import CHANNELS, COLUMNS, MAX_AXLES, MODELS, PAIR_FEATURES, PairState
+from wrcd.core.records import Estimate, Ticks
+from wrcd.core.terms import COLUMNS, MAX_AXLES, MODELS, PAIR_FEATURES, PairState
 from wrcd.errors import InputError
 from wrcd.native import library
 
 _WHOLE, _FLAGS = ("rule", "winner", "doubt", "regime"), ("saturated", "contradicted")
-
-
-class _Tick(ctypes.Structure):
-    _fields_ = [
-        ("number", ctypes.c_int64), ("speed_m_s", ctypes.c_double), ("z", ctypes.c_void_p),
-        ("present", ctypes.c_void_p), ("torque_ratio", ctypes.c_void_p),
-    ]  # fmt: skip
 
 
 class _SpeedTable(ctypes.Structure):
@@ -55,55 +48,18 @@ class Estimator:
         self._train = self._memory[: train.itemsize // 8].view(train)[0]
         self._axle = self._train["axle"][:axles]
         self._result = np.zeros(1, dtype=layouts()["result"])
-        self.newest = StepResult(self._result[0], axles)
-        self._z, self._present = np.zeros((CHANNELS, axles)), np.zeros((CHANNELS, axles), dtype=bool)
-        self._ratio = np.zeros(axles)
-        self._tick = _Tick(0, 0.0, *(_address(a) for a in (self._z, self._present, self._ratio)))
-        self._e, self._r, self._t = _address(self._memory), _address(self._result), ctypes.byref(self._tick)
+        self._e = _address(self._memory)
         self.addresses = self._memory.ctypes.data, ctypes.addressof(table), self._result.ctypes.data
         c.wrcd_begin(self._e, self._d, axles)
-        self.health = PairHealth(self)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Estimator":
-        twin = memo[id(self)] = Estimator(self.design, self.axles)
+        twin = memo[id(self)] = type(self)(self.design, self.axles)
         twin._memory[:] = self._memory
         return twin
 
     def copy_from(self, other: "Estimator") -> None:
         """Become as another estimator of the same design and axles."""
         self._memory[:] = other._memory
-
-    @property
-    def state(self) -> bytes:
-        """All that it goes on from."""
-        return self._memory.tobytes()
-
-    @property
-    def outliers(self) -> int:
-        """Samples left out so far."""
-        return int(self._train["outliers"])
-
-    @property
-    def started(self) -> BoolArray:
-        """(n,): whether a measurement was used since the last reset."""
-        return np.asarray(self._axle["started"] > 0.0)
-
-    def reset(self, axle: int) -> None:
-        """Start an axle anew: after a gap, a step of time, or a standstill."""
-        self.library.wrcd_reset(self._e, self._d, int(axle))
-
-    def why_reset(self, result: StepResult, yaw_rate: FloatArray, axle: int) -> Outliers:
-        """Of an axle that needs it, after the step (n yaw rates) that showed it and before its reset."""
-        e, why = np.ascontiguousarray(result.innovations[:, :, axle]), np.empty(2 * CHANNELS + 1)
-        self.library.wrcd_gate_why(self._e, axle, _address(e), float(yaw_rate[axle]), _address(why))
-        return Outliers(why[:CHANNELS].tolist(), why[CHANNELS:-1].tolist(), float(why[-1]))
-
-    def step(self, tick: Tick) -> StepResult:
-        """One tick; call reset() for the axles that need it before the next. The result holds until then."""
-        self._tick.number, self._tick.speed_m_s = tick.number, tick.speed_m_s
-        self._z[:], self._present[:], self._ratio[:] = tick.z, tick.present, tick.torque_ratio
-        self.newest.notable = self.library.wrcd_step(self._e, self._d, self._t, self._r) != 0
-        return self.newest
 
     def run(self, ticks: Ticks, first: int, end: int, resets: bool) -> None:
         """Step ticks first … end - 1 of them; resets: whether axles are reset that need it."""
@@ -145,30 +101,6 @@ class Estimator:
         out = np.empty(shape)
         getattr(self.library, question)(self._e, self._d, *given, _address(out))
         return out
-
-
-class PairHealth:
-    """What an estimator tells of its pairs of sensors; without a part of the design for it each counts as sound."""
-
-    def __init__(self, of: Estimator) -> None:
-        self._of = of
-
-    @property
-    def state(self) -> IntArray:
-        """(n,): the PairState that leads where a pair is not more likely sound than not."""
-        return np.array([self._of.library.wrcd_pair_state(self._of._e, axle) for axle in range(self._of.axles)])
-
-    @property
-    def log_odds(self) -> FloatArray:
-        """(n, states): over a sound pair's."""
-        return np.array(self._of._axle["log_odds"])
-
-    def figures(self, axle: int) -> HealthFigures:
-        """What an axle's state was found by."""
-        p, figures = np.empty(len(PairState)), np.empty(5)
-        self._of.library.wrcd_health_figures(self._of._e, axle, _address(p), _address(figures))
-        lead, *rest = figures.tolist()
-        return HealthFigures(int(lead), float(p[int(lead)]), float(p[PairState.SOUND]), *rest)
 
 
 def evidence(model: HealthModel, x: FloatArray) -> FloatArray:

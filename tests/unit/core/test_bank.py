@@ -10,10 +10,9 @@ import pytest
 
 from sim_ecu.resources import PAPER_DESIGN
 from tests.support.lone_wheelset import LONE_DESIGN
+from tests.support.stepped import SteppedEstimator, Tick
 from wrcd.checksum import checksum
 from wrcd.core.design import MAX_STATES, STATES, FloatArray, load_design, parse_design
-from wrcd.core.estimator import Estimator
-from wrcd.core.records import Tick
 from wrcd.core.terms import MODELS
 from wrcd.errors import InputError
 
@@ -25,7 +24,7 @@ def test_every_filter_forgets_at_every_speed(file: Path) -> None:
     """An axle's first measurement is its offset: it is predicted from what is known, here one state each."""
     design = load_design(file)
     for speed in np.arange(design.speeds_m_s[0], 1.3 * design.speeds_m_s[-1], 0.37):
-        e = Estimator(design, STATES)
+        e = SteppedEstimator(design, STATES)
         x = np.zeros((STATES, MODELS, MAX_STATES))
         x[np.arange(STATES), :, np.arange(STATES)] = 1.0
         e._axle["bank_x"] = x.reshape(STATES, -1)
@@ -55,7 +54,7 @@ class SpeedFilter:
     """The estimator's, of a train that moves and measures nothing."""
 
     def __init__(self) -> None:
-        self._estimator, self._ticks = Estimator(load_design(LONE_DESIGN), 1), 0
+        self._estimator, self._ticks = SteppedEstimator(load_design(LONE_DESIGN), 1), 0
         assert self._estimator.design.tick_s == TICK_S
 
     def step(self, speed_m_s: float) -> float:

@@ -12,6 +12,7 @@ import pytest
 from tests.support.can_ids import LAT_ACCEL_A1, TORQUE_A2, YAW_RATE_A1
 from tests.support.config_texts import AXLE
 from tests.support.sensor_simulator import MS, SensorSimulator, beside
+from tests.support.stepped import health_figures
 from tests.support.told_stages import beginning, change_to, restarted
 from wrcd.config.config import load_config
 from wrcd.core import events
@@ -244,7 +245,7 @@ def test_restart_after_outliers_is_said_with_channel_and_limit(
 def test_figures_of_a_pair_of_sensors_are_those_of_the_estimator(sim: SensorSimulator) -> None:
     sim.run(2500)
     told = change_to(sim.core, Cause.GYRO_DEAD, None)["number"][:7].tolist()
-    found = sim.core.estimator.health.figures(0)
+    found = health_figures(sim.core.estimator, 0)
     figures = (found.state, found.low, found.middle, found.yaw_rms, found.lat_rms, found.probability, found.sound)
     assert told == pytest.approx(figures, rel=1e-9)
 

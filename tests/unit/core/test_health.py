@@ -11,6 +11,7 @@ import pytest
 
 from tests.support.c_parts import Pairs
 from tests.support.lone_wheelset import LONE_DESIGN
+from tests.support.stepped import health_figures, log_odds, pair_states
 from wrcd.core.design import FloatArray, HealthModel, load_design
 from wrcd.core.estimator import evidence
 from wrcd.core.terms import CERTAIN, COLUMNS, PAIR_FEATURES, PAIR_OWN, SPAN_TICKS, PairState
@@ -58,11 +59,11 @@ def one(health: HealthModel | None = None) -> Pairs:
 
 
 def odds(pairs: Pairs) -> FloatArray:
-    return np.asarray(pairs.estimator.health.log_odds[0])
+    return np.asarray(log_odds(pairs.estimator)[0])
 
 
 def state(pairs: Pairs) -> PairState:
-    return PairState(pairs.estimator.health.state[0])
+    return PairState(pair_states(pairs.estimator)[0])
 
 
 def test_pair_is_what_leads_when_it_is_not_more_likely_sound() -> None:
@@ -70,7 +71,7 @@ def test_pair_is_what_leads_when_it_is_not_more_likely_sound() -> None:
     assert state(looked(one(), signals(2400, 1.0), [True])) is PairState.SOUND
     wrong = looked(one(), signals(2400, -1.0), [True])
     assert state(wrong) is PairState.REVERSED
-    f = wrong.estimator.health.figures(0)
+    f = health_figures(wrong.estimator, 0)
     assert (f.state, f.low < -0.9, f.probability > 0.5, f.sound < 0.5) == (PairState.REVERSED, True, True, True)
     assert f.yaw_rms > 2.0
 

@@ -8,9 +8,9 @@ import pytest
 from tests.support.c_parts import Joints
 from tests.support.lone_wheelset import LONE_DESIGN
 from tests.support.signals import HUNTS_FROM_S, hunting, measured
+from tests.support.stepped import SteppedEstimator, Tick
 from wrcd.core.design import BoolArray, Design, FloatArray, load_design
-from wrcd.core.estimator import Estimator, step_through
-from wrcd.core.records import Tick
+from wrcd.core.estimator import step_through
 from wrcd.core.terms import EstimateDoubt
 
 HOLD_TICKS, RECOVERY_TICKS, MAX_TICKS = 4, 80, 24
@@ -133,7 +133,7 @@ class Seen:
     def __init__(self, design: Design, more: FloatArray, channel: int = 1) -> None:
         z = np.array(measured(seconds=20.0)[: AT + 400])
         z[AT : AT + len(more), channel] += more
-        estimator, live, calm, outliers, e = Estimator(design, 1), [], [], [], []
+        estimator, live, calm, outliers, e = SteppedEstimator(design, 1), [], [], [], []
         for k, row in enumerate(z):
             found = estimator.step(Tick(k, row[:, None], np.ones((2, 1), dtype=bool), np.full(1, 0.13), 25.0))
             live.append(bool(found.live[0]))
@@ -175,7 +175,7 @@ def test_hunting_wheelset_is_not_harsh(design: Design) -> None:
     yaw_rate, lat_accel = np.abs(ticks.z[begins:, :, 0]).T
     assert (yaw_rate > MAX_PULSE[0]).mean() > 0.7
     assert (lat_accel < MAX_PULSE[1]).all()
-    estimator = Estimator(design, 1)
+    estimator = SteppedEstimator(design, 1)
     doubts = [estimator.estimate().doubt[0] for _ in step_through(estimator, ticks, range(begins, len(ticks), 4))]
     assert EstimateDoubt.HARSH not in doubts
     assert doubts.count(EstimateDoubt.NONE) > 0.9 * len(doubts)

@@ -13,11 +13,11 @@ import pytest
 
 from tests.support.lone_wheelset import LONE_DESIGN
 from tests.support.processes import ROOT
+from tests.support.stepped import SteppedEstimator
 from wrcd.bus.reasons import Reason
 from wrcd.checksum import checksum
 from wrcd.core.causes import Cause
 from wrcd.core.design import load_design
-from wrcd.core.estimator import Estimator
 from wrcd.core.terms import MAX_AXLES, PairState
 from wrcd.errors import InputError, Status
 from wrcd.native import compiler
@@ -88,7 +88,7 @@ def test_library_that_does_not_load_is_not_used(package: Path) -> None:
 
 def test_more_axles_than_there_is_room_for_are_refused() -> None:
     with pytest.raises(InputError, match=f"with {MAX_AXLES + 1} axles, at most {MAX_AXLES}"):
-        Estimator(load_design(LONE_DESIGN), MAX_AXLES + 1)
+        SteppedEstimator(load_design(LONE_DESIGN), MAX_AXLES + 1)
 
 
 @pytest.mark.parametrize(

@@ -159,7 +159,7 @@ def test_single_outlier_leaves_the_estimate(sim: SensorSimulator) -> None:
         each.run(1500)
         each.during(5, spike=spike)
     mine, its = sim.run(1000), twin.run(1000)
-    assert sim.core.estimator.outliers == 1
+    assert sim.core.estimator._train["outliers"] == 1
     assert validities(mine) == ["Valid"]
     assert max(abs(a["MuAvailable"] - b["MuAvailable"]) for a, b in zip(mine, its, strict=True)) < 1.5
     assert sim.decoded("WrcdLink")[-1]["Outliers"] == 1
@@ -174,7 +174,7 @@ def test_outlier_during_start_up_resets_the_axle(sim: SensorSimulator, tick: int
         each.run(5 * tick)
         each.during(5, spike=spike)
     pairs = list(zip(sim.run(3000), clean.run(3000), strict=True))
-    assert sim.core.counts.restarts == 1 or sim.core.estimator.outliers == 1
+    assert sim.core.counts.restarts == 1 or sim.core.estimator._train["outliers"] == 1
     off = [f["MuAvailable"] - g["MuAvailable"] for f, g in pairs if f["Validity"] == "Valid"]
     assert len(off) > 80
     assert max(map(abs, off)) < 3.0

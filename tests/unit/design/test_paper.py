@@ -19,10 +19,9 @@ from sim_ecu.resources import PAPER_DESIGN
 from tests.oracle.rules import Rules
 from tests.support.c_parts import infer
 from tests.support.lone_wheelset import LONE_DESIGN
+from tests.support.stepped import SteppedEstimator, Tick
 from wrcd.checksum import checksum
 from wrcd.core.design import Design, load_design, parse_design
-from wrcd.core.estimator import Estimator
-from wrcd.core.records import Tick
 from wrcd.core.terms import COLUMNS, MODELS
 from wrcd.errors import InputError
 from wrcd.logs.rule_sentences import condition, sentence
@@ -98,10 +97,10 @@ def test_the_design_file_is_what_the_paper_describes(file: Path) -> None:
     assert load_source(file).windows > 0
 
 
-def run(d: Design, seconds: float, speed: float = 20.0, step_at_s: float = 99.0) -> tuple[Estimator, FloatArray]:
+def run(d: Design, seconds: float, speed: float = 20.0, step_at_s: float = 99.0) -> tuple[SteppedEstimator, FloatArray]:
     """White signals, torque doubled from a moment on; the estimator and its innovations (ticks, 4, 2, 2)."""
     rng = np.random.default_rng(2)
-    estimator, present, e = Estimator(d, 2), np.ones((2, 2), dtype=bool), []
+    estimator, present, e = SteppedEstimator(d, 2), np.ones((2, 2), dtype=bool), []
     for k in range(round(seconds / d.tick_s)):
         z = rng.standard_normal((2, 2)) * 5.0 * d.noise_rms[:, None]
         ratio = np.full(2, 0.05 if k * d.tick_s < step_at_s else 0.1)

@@ -8,6 +8,7 @@ import pytest
 from sim_ecu.design.pairs import TRUSTING
 from sim_ecu.design.side_by_side import SideBySide
 from tests.oracle.estimator import Oracle
+from tests.support.stepped import tick_of
 from wrcd.core.design import load_design
 from wrcd.core.estimator import step_through
 from wrcd.core.records import Ticks
@@ -28,7 +29,7 @@ def test_trains_side_by_side_say_what_an_oracle_of_all_axles_says() -> None:
     stops = range(SPAN_TICKS - 8, TICKS - 1, SPAN_TICKS)  # the ticks begin at 7: at a look's own
     for stop in step_through(trains, ticks, stops, resets=True):
         for k in range(done, stop + 1):
-            for axle in np.flatnonzero(one.step(ticks.tick(k)).needs_reset).tolist():
+            for axle in np.flatnonzero(one.step(tick_of(ticks, k)).needs_reset).tolist():
                 one.reset(axle)
         done = stop + 1
         assert trains.features() == pytest.approx(one.features(), rel=1e-7, abs=1e-7)

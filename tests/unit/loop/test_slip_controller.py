@@ -16,6 +16,7 @@ from sim_ecu.physics.actuators import Actuators, Drive
 from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.encoder import Channel, Sent
 from sim_ecu.play.scenario import Course
+from tests.support.stepped import pair_states
 from tests.support.stops import low_stop
 from wrcd.config.config import load_packaged
 from wrcd.core.terms import PairState
@@ -175,7 +176,7 @@ def test_sound_pair_of_a_slow_stop_on_low_rail_is_not_called_reversed() -> None:
     low, daemon = low_stop(), load_packaged(1, design=LONE)
     run = Lockstep(low, make_controller("thresholds", Facts.of(low), daemon), daemon)
     assert run.core is not None
-    states = {PairState(run.core.estimator.health.state[0]) for _ in run}
+    states = {PairState(pair_states(run.core.estimator)[0]) for _ in run}
     assert PairState.REVERSED not in states
 
 

@@ -13,9 +13,8 @@ from sim_ecu.physics.track import SPECTRA
 from sim_ecu.physics.wheelset import LAT_ACCEL, TORQUE, YAW_RATE, Wheelset
 from sim_ecu.score.baselines import Beside, GivenTicks, TorqueRatio, fitting
 from tests.support.lone_wheelset import LONE_DESIGN
+from tests.support.stepped import SteppedEstimator, Tick
 from wrcd.core.design import load_design
-from wrcd.core.estimator import Estimator
-from wrcd.core.records import Tick
 from wrcd.errors import InputError
 
 W = Wheelset()
@@ -45,7 +44,7 @@ def test_another_design_runs_on_the_same_ticks_as_the_train_s(ticks: GivenTicks)
     design = load_design(LONE_DESIGN)
     late = replace(ticks, number=ticks.number + 1003)
     mu = Beside(design).mu_pct(late)
-    estimator = Estimator(design, 1)
+    estimator = SteppedEstimator(design, 1)
     for k in range(len(late.number)):
         number = int(late.number[k])
         estimator.step(Tick(number, late.z[k], late.present[k], late.torque_ratio[k], float(late.speed_m_s[k])))
