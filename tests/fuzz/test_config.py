@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from tests.fuzz.strategies import NASTY, mutated
 from tests.support.dbc import told
 from wrcd import resources
-from wrcd.bus.codec import message_key
 from wrcd.bus.dbc import load_dbc
 from wrcd.bus.frame import EXTENDED, Frame
+from wrcd.bus.positions import message_key
 from wrcd.config.config import load_config
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core

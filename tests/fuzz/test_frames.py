@@ -15,10 +15,10 @@ from tests.support.can_ids import UNMAPPED, YAW_RATE_A1
 from tests.support.dbc import DIRECTION_AND_LOAD_DBC, TRAIN_DBC
 from wrcd.bus.batch import FrameBatch
 from wrcd.bus.candump import format_line, parse_line
-from wrcd.bus.codec import message_key
 from wrcd.bus.dbc import Database, load_dbc
 from wrcd.bus.e2e import COUNTER_MODULO, crc, protect
 from wrcd.bus.frame import EXTENDED, Frame
+from wrcd.bus.positions import message_key
 from wrcd.bus.reasons import Reason
 from wrcd.bus.signals import Source, StatusRule
 from wrcd.bus.units import Quantity

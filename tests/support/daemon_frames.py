@@ -2,10 +2,10 @@
 
 from collections.abc import Sequence
 
-from wrcd.bus.codec import Value, Writer
 from wrcd.bus.dbc import data_id, find_message
 from wrcd.bus.frame import Frame
 from wrcd.bus.signals import Output
+from wrcd.bus.writers import Value, Writer
 from wrcd.core.configuration import Config
 
 START_US = 1_700_000_000_000_000

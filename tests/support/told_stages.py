@@ -10,7 +10,7 @@ import numpy as np
 
 from tests.support.sensor_simulator import SensorSimulator
 from tests.support.stages import CHANNELS, MAX_AXLES, empty_tables, stages
-from wrcd.bus.codec import SignalWriter
+from wrcd.bus.writers import SignalWriter
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.core import Core
 from wrcd.core.events import VALIDITIES

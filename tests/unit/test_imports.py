@@ -23,7 +23,7 @@ OPERATING_SYSTEM = {
     "threading",
     "mmap",
 }
-DAEMONS_OWN_CODEC = {f"wrcd.bus.{name}" for name in ("codec", "e2e", "mapping", "positions", "words", "writers")}
+DAEMONS_OWN_CODEC = {f"wrcd.bus.{name}" for name in ("e2e", "mapping", "positions", "words", "writers")}
 # by folder or file: packages and modules that nothing in it imports
 FORBIDDEN = {
     "wrcd": {"sim_ecu", "scipy", "filterpy", "skfuzzy", "numba", "matplotlib", "e2e", "pytest"},

@@ -1,7 +1,6 @@
 """Where a signal lies in a frame: worked out once; a frame is then one whole number that is shifted and masked."""
 
 import struct
-from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 from wrcd.bus.dbc import CLASSICAL_BYTES, Message, Signal, find_signal
@@ -147,9 +146,3 @@ def span(signal: Signal) -> tuple[int, int]:
     """The lowest and the highest raw value that the field can hold."""
     bits = signal.length - signal.is_signed
     return (-(1 << bits) if signal.is_signed else 0), (1 << bits) - 1
-
-
-def common_order(positions: Sequence[Position]) -> Order | None:
-    """The byte order of all of them, None where they differ or there is none."""
-    orders = {at.order for at in positions}
-    return orders.pop() if len(orders) == 1 else None

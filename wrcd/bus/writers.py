@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from wrcd.bus.dbc import Message, Signal, data_id, find_signal
 from wrcd.bus.e2e import COUNTER_MODULO, protect
 from wrcd.bus.frame import Frame
-from wrcd.bus.positions import Order, common_order, fit_raw, frame_length, is_fd, position, span
+from wrcd.bus.positions import fit_raw, frame_length, is_fd, position, span
 from wrcd.bus.signals import Output, OutputSignal
 
 Value = float | str | None  # a number in our own unit, a word of ours, or not available
@@ -31,10 +31,7 @@ class SignalWriter:
         self.rounds = down if sent.round_down else 0
         self._round = (round, math.ceil, math.floor)[self.rounds]
         self._not_available = self._raw_of_not_available(s, labels, sent)
-        # whichever byte order, the frame is one whole number with its first byte lowest or highest
         self.order, self.shift, self.mask, _ = position(s, length)
-        self.others = ~(self.mask << self.shift)
-        self.words: dict[Value, int] = {word: (raw & self.mask) << self.shift for word, raw in self.labels.items()}
 
     @property
     def numbers(self) -> tuple[float, float, float, float, float]:
@@ -84,16 +81,11 @@ class Writer:
     def __init__(self, message: Message, output: Output | None = None) -> None:
         self._message = message
         self.data_id = data_id(message) if output is None else output.data_id
-        self.cycle_us = 0 if output is None else output.cycle_us
         self.length, self.fd = frame_length(message), is_fd(message)
         self._rest = {s.name: int(s.raw_initial or 0) for s in message.signals}
         sent = {s.name: OutputSignal(s.name) for s in message.signals} if output is None else output.signals
         self.writers = {name: SignalWriter(find_signal(message, s.name), self.length, s) for name, s in sent.items()}
         self._names = {name: s.name for name, s in sent.items()}
-        odd = message.is_multiplexed() or any(s.is_float for s in message.signals)
-        order = common_order([position(s, self.length) for s in message.signals])
-        self.order: Order | None = None if odd else order
-        self._start: int | None = None  # made when it is first needed
         self.can_id, self.extended = message.frame_id, message.is_extended_frame
 
     @property
@@ -103,31 +95,17 @@ class Writer:
 
     def frame(self, stamp_us: int, slot: int, values: Mapping[str, Value]) -> Frame:
         """The frame of a slot. Values of signals that the message lacks are left out."""
-        if self.order is None:
-            raw = {self._names[name]: w.raw(values[name]) for name, w in self.writers.items() if name in values}
-            data = self._encoded(raw)
-        else:
-            number = int.from_bytes(self.start, self.order)
-            for name, value in values.items():
-                found = self.writers.get(name)
-                if found is not None:
-                    bits = found.words.get(value) if value.__class__ is str else None
-                    if bits is None:
-                        bits = (found.raw(value) & found.mask) << found.shift
-                    number = number & found.others | bits
-            data = number.to_bytes(self.length, self.order)
-        return self._protected(stamp_us, slot, data)
+        raw = {self._names[name]: w.raw(values[name]) for name, w in self.writers.items() if name in values}
+        return self.raw_frame(stamp_us, slot, raw)
 
     def raw_frame(self, stamp_us: int, slot: int, raw: Mapping[str, float]) -> Frame:
         """The same of raw values by the DBC's names; multiplexers among them say which signals the frame carries."""
-        return self._protected(stamp_us, slot, self._encoded(raw))
+        data = self._encoded(raw)
+        if self.data_id is not None:
+            data = protect(data, self.data_id, slot % COUNTER_MODULO)
+        return Frame(stamp_us, self.can_id, data, extended=self.extended, fd=self.fd)
 
     def _encoded(self, raw: Mapping[str, float]) -> bytes:
         """Raw values, and the DBC's start values of all other signals, by cantools."""
         data = self._message.encode({**self._rest, **raw}, scaling=False, strict=False)
         return data.ljust(self.length, b"\0")
-
-    def _protected(self, stamp_us: int, slot: int, data: bytes) -> Frame:
-        if self.data_id is not None:
-            data = protect(data, self.data_id, slot % COUNTER_MODULO)
-        return Frame(stamp_us, self.can_id, data, extended=self.extended, fd=self.fd)

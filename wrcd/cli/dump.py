@@ -41,8 +41,8 @@ def _add(p: argparse.ArgumentParser) -> None:
 
 def _run(args: argparse.Namespace) -> int:
     """Print frames of a log, of standard input or of a bus."""
-    from wrcd.bus.codec import message_key
     from wrcd.bus.dbc import load_dbc
+    from wrcd.bus.positions import message_key
     from wrcd.colour import coloured
     from wrcd.config.config import load_config
     from wrcd.logs.damage import Damage

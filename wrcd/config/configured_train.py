@@ -5,9 +5,9 @@ What cannot hold at once is refused: one signal for two things, one message for 
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from wrcd.bus.codec import message_key
 from wrcd.bus.dbc import Database, Message, data_id, find_message
 from wrcd.bus.frame import EXTENDED
+from wrcd.bus.positions import message_key
 from wrcd.bus.signals import Output, StatusRule
 from wrcd.bus.units import Quantity
 from wrcd.config import declared

@@ -4,11 +4,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
-from wrcd.bus.codec import Writer
 from wrcd.bus.dbc import find_message, find_signal, shortest_timeout_us
 from wrcd.bus.e2e import protect
 from wrcd.bus.frame import Frame
 from wrcd.bus.positions import fit_raw, span
+from wrcd.bus.writers import Writer
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import AxleConfig, Config
 from wrcd.core.reports import Report, surface

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wrcd.bus.batch import frame_of
-from wrcd.bus.codec import Value
 from wrcd.bus.frame import Frame
+from wrcd.bus.writers import Value
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.vocabulary import SURFACES, words_of
 

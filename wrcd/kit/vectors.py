@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-from wrcd.bus.codec import Value, Writer
 from wrcd.bus.e2e import COUNTER_MODULO
 from wrcd.bus.positions import span
+from wrcd.bus.writers import Value, Writer
 from wrcd.core.vocabulary import CONFIDENCES
 from wrcd.kit.c_tables import SAYS, byte_list, flag
 from wrcd.kit.receiver import KitMessage, NumberSignal, WordSignal, exact

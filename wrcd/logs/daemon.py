@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from wrcd.bus.codec import message_key
 from wrcd.bus.dbc import find_message
+from wrcd.bus.positions import message_key
 from wrcd.bus.reasons import Reason
 from wrcd.core.vocabulary import words_of
 from wrcd.logs.statistics import added, restarts

@@ -9,9 +9,8 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from wrcd.bus.codec import message_key
 from wrcd.bus.dbc import Message, Signal, find_message, find_signal
-from wrcd.bus.positions import Branch, Field, Order, frame_length, span
+from wrcd.bus.positions import Branch, Field, Order, frame_length, message_key, span
 from wrcd.bus.positions import Numbers as FrameNumbers
 from wrcd.bus.signals import Output, OutputSignal
 from wrcd.core.configuration import Config

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from wrcd.bus.codec import message_key
 from wrcd.bus.dbc import find_message
 from wrcd.bus.frame import Frame
+from wrcd.bus.positions import message_key
 from wrcd.bus.units import Quantity
 from wrcd.core.configuration import Config
 from wrcd.core.core import FORWARD_STEP_US, Core

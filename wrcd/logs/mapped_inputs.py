@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from wrcd.bus.codec import message_key
 from wrcd.bus.dbc import find_message
+from wrcd.bus.positions import message_key
 from wrcd.bus.units import Quantity
 from wrcd.core.configuration import Config, Input
 from wrcd.core.reading import Receiver

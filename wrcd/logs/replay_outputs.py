@@ -12,9 +12,8 @@ from typing import IO, Any, Self
 import numpy as np
 
 from wrcd.bus.candump import format_lines
-from wrcd.bus.codec import message_key, position
 from wrcd.bus.dbc import Message, find_message, find_signal
-from wrcd.bus.positions import Position
+from wrcd.bus.positions import Position, message_key, position
 from wrcd.bus.signals import Output, OutputSignal
 from wrcd.core.causes import Cause
 from wrcd.core.configuration import Config

@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wrcd.bus.codec import message_key
 from wrcd.bus.dbc import Database, cycle_ms, find_message
 from wrcd.bus.frame import EXTENDED
+from wrcd.bus.positions import message_key
 from wrcd.core.configuration import Config
 from wrcd.core.vocabulary import MESSAGES, Numeric
 from wrcd.logs.decoder import sent_messages

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrcd import __version__
-from wrcd.bus.codec import message_key
 from wrcd.bus.dbc import Database, find_message
 from wrcd.bus.frame import counted_ids, id_text
+from wrcd.bus.positions import message_key
 from wrcd.bus.reasons import Reason
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import Config

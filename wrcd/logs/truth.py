@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wrcd.bus.codec import message_key
 from wrcd.bus.dbc import Database, Message, data_id
+from wrcd.bus.positions import message_key
 from wrcd.errors import InputError
 from wrcd.logs.decoder import MessageDecoder
 from wrcd.logs.scan import Scan, good_frames

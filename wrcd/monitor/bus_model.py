@@ -9,10 +9,9 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from wrcd.bus.codec import message_key
 from wrcd.bus.dbc import Database, Message, cycle_ms, find_message
 from wrcd.bus.frame import EXTENDED
-from wrcd.bus.positions import frame_length, is_fd
+from wrcd.bus.positions import frame_length, is_fd, message_key
 from wrcd.bus.reasons import Reason
 from wrcd.bus.units import Quantity
 from wrcd.core.configuration import AxleConfig, Config

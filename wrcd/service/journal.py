@@ -6,10 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
-from wrcd.bus.codec import message_key
 from wrcd.bus.dbc import find_message
 from wrcd.bus.frame import EXTENDED
 from wrcd.bus.link import Link, LinkState
+from wrcd.bus.positions import message_key
 from wrcd.bus.reasons import Reason
 from wrcd.core.causes import Cause
 from wrcd.core.configuration import Config

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from tests.support.daemon_frames import GOOD, START_US, DaemonFrames
-from wrcd.bus.codec import Value
 from wrcd.bus.dbc import find_message
 from wrcd.bus.frame import Frame
+from wrcd.bus.writers import Value
 from wrcd.core.configuration import Config
 
 

@@ -10,7 +10,6 @@ import pytest
 from tests.support.can_ids import ADHESION_A1, YAW_RATE_A1, YAW_RATE_A2
 from tests.support.dbc import DIRECTION_AND_LOAD_DBC, TRAIN_DBC, database
 from wrcd import resources
-from wrcd.bus.codec import Value, Writer
 from wrcd.bus.dbc import Database, find_message, load_dbc
 from wrcd.bus.e2e import protect
 from wrcd.bus.frame import Frame
@@ -18,6 +17,7 @@ from wrcd.bus.mapping import Mapped
 from wrcd.bus.reasons import Reason
 from wrcd.bus.signals import Source, StatusRule
 from wrcd.bus.units import Quantity
+from wrcd.bus.writers import Value, Writer
 from wrcd.core.reading import Receiver, Sample
 from wrcd.errors import InputError
 

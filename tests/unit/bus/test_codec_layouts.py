@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 from tests.support.dbc import database
 from tests.support.told_stages import packed
-from wrcd.bus.codec import Value, Writer
 from wrcd.bus.dbc import Database, Message, find_message, parse_dbc
 from wrcd.bus.frame import Frame
 from wrcd.bus.mapping import MappedSignal
@@ -19,6 +18,7 @@ from wrcd.bus.positions import Numbers
 from wrcd.bus.reasons import Reason
 from wrcd.bus.signals import Source
 from wrcd.bus.units import Quantity
+from wrcd.bus.writers import Writer
 from wrcd.core.reading import Receiver
 
 CAN_ID = 800
@@ -149,28 +149,11 @@ def test_a_written_frame_is_cantools_of_the_same_raw_values(layout: Layout, data
     assert frame == Frame(7, CAN_ID, message.encode(raw, scaling=False))
 
 
-WRITTEN: st.SearchStrategy[Value] = (
-    st.none() | st.floats(-1e12, 1e12) | st.sampled_from([math.nan, math.inf, "NoLabel"])
-)
-
-
-@given(layouts(mixed=False), st.data())
-def test_any_values_are_written_as_by_cantools(layout: Layout, data: st.DataObject) -> None:
-    """Those beyond a field, or not available, too."""
-    message = message_of(layout)
-    values = {name: data.draw(WRITTEN) for name in layout.names}
-    plain, by_cantools = Writer(message), Writer(message)
-    assert plain.order is not None or not layout.names
-    by_cantools.order = None
-    assert plain.frame(0, 0, values) == by_cantools.frame(0, 0, values)
-
-
 @pytest.mark.parametrize("sign", "+-")
 @pytest.mark.parametrize("bits", [8, 32, 53, 54, 60, 63, 64])
 def test_number_beyond_a_field_is_its_end(bits: int, sign: str) -> None:
     text = f'BO_ {CAN_ID} M: 8 B\n SG_ S : 0|{bits}@1{sign} (1,0) [0|0] "" B\n'
     by_cantools = Writer(find_message(database(text), "M"))
-    by_cantools.order = None
     for value in (1e300, -1e300, 2.0**64, 2.0**61, -(2.0**63), None):
         sent = packed(list(by_cantools.writers.values()), by_cantools.start, [value])
         assert sent == by_cantools.frame(0, 0, {"S": value}).data
@@ -182,6 +165,5 @@ def test_any_numbers_are_sent_by_the_core_as_by_cantools(layout: Layout, data: s
     numbers = st.none() | st.floats(-1e12, 1e12) | st.floats(-1e300, 1e300) | st.sampled_from([math.nan, math.inf])
     values = {name: data.draw(numbers) for name in layout.names}
     by_cantools = Writer(message)
-    by_cantools.order = None
     writers = list(by_cantools.writers.values())
     assert packed(writers, by_cantools.start, list(values.values())) == by_cantools.frame(0, 0, values).data

@@ -12,10 +12,10 @@ from tests.support.dbc import database
 from tests.support.sensor_simulator import SensorSimulator
 from tests.support.told_stages import level_of, packed
 from wrcd import resources
-from wrcd.bus.codec import SignalWriter, Value, Writer
 from wrcd.bus.dbc import find_message, find_signal
 from wrcd.bus.frame import Frame
 from wrcd.bus.signals import Output, OutputSignal
+from wrcd.bus.writers import SignalWriter, Value, Writer
 from wrcd.config.config import load_config
 from wrcd.core.reports import Outgoing
 from wrcd.core.vocabulary import snake

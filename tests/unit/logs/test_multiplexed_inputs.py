@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from wrcd import resources
-from wrcd.bus.codec import message_key
+from wrcd.bus.positions import message_key
 from wrcd.bus.units import Quantity
 from wrcd.config.config import load_config
 from wrcd.dbc.bus_check.check import check_log

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from sim_ecu.resources import TRUTH_DBC
-from wrcd.bus.codec import Value, Writer
 from wrcd.bus.dbc import find_message, load_dbc
+from wrcd.bus.writers import Value, Writer
 from wrcd.config.config import load_config
 from wrcd.core.configuration import Config
 from wrcd.core.vocabulary import MESSAGES, Numeric, Words

@@ -9,10 +9,10 @@ import pytest
 from sim_ecu.resources import TRUTH_DBC
 from tests.support.story import BEGIN_US, Ride
 from wrcd.bus.candump import format_line
-from wrcd.bus.codec import message_key
 from wrcd.bus.dbc import find_message, load_dbc
 from wrcd.bus.e2e import protect
 from wrcd.bus.frame import EXTENDED, Frame
+from wrcd.bus.positions import message_key
 from wrcd.bus.units import Quantity
 from wrcd.core.configuration import Config
 from wrcd.core.reading import Receiver

@@ -19,10 +19,10 @@ from sim_ecu.loop.control.slip_controller import make_controller
 from sim_ecu.physics.actuators import Actuators
 from sim_ecu.physics.wheelset import Wheelset
 from tests.support.daemon_frames import GOOD, NOTHING, START_US, DaemonFrames
-from wrcd.bus.codec import Value, Writer
 from wrcd.bus.dbc import find_message, load_dbc
 from wrcd.bus.frame import Frame
 from wrcd.bus.signals import Output, OutputSignal
+from wrcd.bus.writers import Value, Writer
 from wrcd.config.config import load_packaged
 from wrcd.core.configuration import Config
 from wrcd.errors import InputError

@@ -9,8 +9,8 @@ from sim_ecu.loop.control.adhesion_consumer import CYCLE_US, Unprotected
 from sim_ecu.loop.control.control_on_bus import SETTLE_US, STEP_US, WINDOW, AdhesionWatch, Pacer
 from tests.support.daemon_frames import DEGRADED, GOOD, DaemonFrames
 from tests.support.loop_wire import EPOCH_US, Wire, scenario
-from wrcd.bus.codec import Value
 from wrcd.bus.frame import Frame
+from wrcd.bus.writers import Value
 from wrcd.config.config import load_packaged
 
 DAEMON = DaemonFrames(load_packaged(1))

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from tests.support.daemon_frames import DEGRADED, GOOD, NOTHING, REACHED, START_US, DaemonFrames
-from wrcd.bus.codec import Value
 from wrcd.bus.dbc import find_message, load_dbc
 from wrcd.bus.frame import Frame
-from wrcd.bus.writers import Writer
+from wrcd.bus.writers import Value, Writer
 from wrcd.config.config import load_config
 from wrcd.core.configuration import Config
 from wrcd.errors import InputError
