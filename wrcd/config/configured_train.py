@@ -28,7 +28,7 @@ from wrcd.config.statements import (
 from wrcd.config.status_rules import status_rules
 from wrcd.core.configuration import AxleConfig, Input
 from wrcd.core.design import Design
-from wrcd.core.terms import MAX_AXLES
+from wrcd.core.terms import MAX_AXLES, MAX_SIGNALS
 
 AXLE_OUTPUTS = ("adhesion", "detail", "inputs")
 
@@ -120,6 +120,9 @@ def _resolved(
     rules: dict[str, Mapping[str, tuple[StatusRule, ...]]] = {}
     present = {m.name for m in database.messages} - set(database.unsound)
     for name, group in by_message(stated).items():
+        if len(group) > MAX_SIGNALS:
+            reason = f"{name} is mapped to {len(group)} inputs, at most {MAX_SIGNALS} are read"
+            group[MAX_SIGNALS].table.refuse(reason, declared.SIGNAL.name)
         rules[name] = {}
         if name not in present:
             continue  # stated of the signal, below

@@ -13,7 +13,7 @@ from wrcd.bus.dbc import (
     find_signal,
     timeout_ms,
 )
-from wrcd.bus.positions import Branch, branch, span
+from wrcd.bus.positions import MAX_BITS, Branch, branch, span
 from wrcd.bus.signals import Source, StatusRule
 from wrcd.bus.units import Quantity, factor
 from wrcd.bus.words import is_reverse
@@ -80,6 +80,10 @@ def check_readable(message: Message, signal: Signal) -> None:
         raise ValueError(f"message {message.name} has {message.length} bytes; a frame has {FD_BYTES} at the most")
     if signal.is_float and signal.length not in FLOAT_BITS:
         raise ValueError(f"{message.name}.{signal.name} is coded as a float of {signal.length} bits; there is none")
+    selecting = [find_signal(message, name) for name, _, _ in branch(message, signal.name).conditions]
+    for s in (signal, *selecting):
+        if s.length > MAX_BITS:
+            raise ValueError(f"{message.name}.{s.name} has {s.length} bits, at most {MAX_BITS} are read")
     if not usable_field(signal):
         raise ValueError(f"{message.name}.{signal.name} has bits that no frame has, or numbers that are none")
 

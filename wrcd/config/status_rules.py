@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 
 from wrcd.bus.dbc import DEFAULT_TIMEOUT_MS, Database, Message, Signal, find_message, timeout_ms
 from wrcd.bus.mapping import STATUS
-from wrcd.bus.positions import Branch, branch
+from wrcd.bus.positions import MAX_BITS, Branch, branch
 from wrcd.bus.signals import StatusRule
 from wrcd.bus.words import degraded, tells_status, unusable, usable
 from wrcd.config import declared
@@ -161,6 +161,10 @@ def _usual_rule(s: Statement, signal: Signal, warnings: list[str]) -> list[Statu
     name = f"{s.message}.{signal.name}"
     if not ok and signal.name == STATUS and not words(signal):
         ok = frozenset({0})  # without a value table only 0 is taken for good
+    if ok and signal.length > MAX_BITS:
+        reason = f"{name} is taken for its status and has {signal.length} bits, at most {MAX_BITS} are read"
+        s.table.refuse(reason, declared.SIGNAL.name, s.table.line(status=False))
+        return []
     if ok:
         return [StatusRule(s.message, signal.name, ok, degraded)]
     if signal.name == STATUS or any(unusable(word) for word in words(signal).values()):

@@ -16,9 +16,8 @@ from wrcd.bus.units import Quantity
 from wrcd.bus.writers import SignalWriter, Writer
 from wrcd.core.configuration import LOAD_SHARES, RADIUS_SHARES, Config, Input
 from wrcd.core.layouts import layouts, told_names
+from wrcd.core.terms import MAX_SIGNALS
 from wrcd.core.vocabulary import CONFIDENCES, SURFACES, words_of
-from wrcd.errors import InputError
-from wrcd.native import constant
 
 QUANTITIES = tuple(Quantity)
 YAW, LAT, TORQUE, SPEED, BRAKE, LOAD, DIRECTION, RADIUS = range(len(QUANTITIES))
@@ -27,7 +26,6 @@ MAX_STEP = {TORQUE: 4000.0, BRAKE: 4000.0, SPEED: 1.0, LOAD: 20_000.0, RADIUS: 0
 _OF_AXLES, _OWN = ("adhesion", "detail", "inputs"), ("status_message", "rejects_message", "link_message")
 _KINDS = {"adhesion": 0, "detail": 1, "inputs": 2, "status_message": 3, "rejects_message": 4, "link_message": 3}
 _UNSIGNED, _SIGNED, _FLOAT = range(3)
-MAX_SIGNALS = int(constant("MAX_SIGNALS"))  # of a message
 Records = np.ndarray[Any, Any]
 Tables = dict[str, Records]
 
@@ -73,8 +71,7 @@ def _int64(x: int) -> int:
 
 
 def _place(order: str, shift: int, mask: int, sign: int, is_float: bool = False) -> dict[str, int]:
-    if mask.bit_length() > MAX_BITS:
-        raise InputError(f"a signal of {mask.bit_length()} bits is mapped, as status or multiplexer; 64 are the most")
+    assert mask.bit_length() <= MAX_BITS
     kind = _FLOAT if is_float else _SIGNED if sign else _UNSIGNED
     return {"shift": shift, "bits": mask.bit_length(), "is_big_endian": order == "big", "kind": kind}
 
@@ -97,10 +94,7 @@ def _filled(kind: str, rows: Sequence[dict[str, Any]]) -> Records:
 
 
 def input_tables(mapped: Mapped, inputs: Sequence[Input], silent: Sequence[int] = ()) -> Tables:
-    """Of what is read: messages, inputs, statuses. silent: of each input, us without which there is no estimate.
-
-    Raises InputError where a message has more inputs than the core has room for.
-    """
+    """Of what is read: messages, inputs, statuses. silent: of each input, us without which there is no estimate."""
     rows, place = _Rows(), {rule: k for k, rule in enumerate(mapped.statuses)}
     status = [
         {
@@ -117,8 +111,7 @@ def input_tables(mapped: Mapped, inputs: Sequence[Input], silent: Sequence[int] 
         row["silent_us"] = silent[signals[k].number] if silent else 0
     message, first = [], 0
     for m in mapped.messages:
-        if len(m.signals) > MAX_SIGNALS:
-            raise InputError(f"{m.name} is mapped to {len(m.signals)} inputs, at most {MAX_SIGNALS}")
+        assert len(m.signals) <= MAX_SIGNALS, m.name
         tells = [k for k, s in enumerate(mapped.statuses.values()) if s.is_kept and s.key == m.key]
         row = {**_message(rows, m), **rows.ruled("tells", tells)}
         message.append(row | {"first_signals": first, "signals": len(m.signals)})

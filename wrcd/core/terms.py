@@ -10,6 +10,7 @@ def _whole(name: str) -> int:
 
 
 MAX_AXLES = _whole("MAX_AXLES")  # of a train: a Co'Co' locomotive has six
+MAX_SIGNALS = _whole("MAX_SIGNALS")  # mapped, of a message
 MODELS = _whole("MODELS")
 CHANNELS = _whole("CHANNELS")  # yaw rate, lateral acceleration
 INPUTS = _whole("INPUTS")  # that choose the rules: four residuals, torque, speed

@@ -19,7 +19,6 @@ from wrcd.bus.signals import Source, StatusRule
 from wrcd.bus.units import Quantity
 from wrcd.bus.writers import Value, Writer
 from wrcd.core.reading import Receiver, Sample
-from wrcd.errors import InputError
 
 STATUS = StatusRule("YawRate_A1", "Status", frozenset({0}), frozenset({1}))
 
@@ -209,17 +208,6 @@ def test_id_that_no_frame_has_is_not_one_of_fewer_bits() -> None:
     speed = Source("M", "V", Quantity.SPEED, (0,))
     assert Receiver(dbc, [speed]).read(Frame(0, 800, b"\1")) == [Sample(0, 1.0)]
     assert Receiver(dbc, [speed]).read(Frame(0, 800 + 2048, b"\1")) is None
-
-
-def test_signal_of_more_than_64_bits_is_refused_before_it_comes() -> None:
-    dbc = database(
-        'BO_ 800 M: 16 B\n SG_ Wide : 16|72@1+ (1,0) [0|0] "" B\n SG_ V : 0|8@1+ (1,0) [0|255] "m/s" B\n'
-        'BA_DEF_ BO_ "VFrameFormat" INT 0 15;\nBA_DEF_DEF_ "VFrameFormat" "0";\nBA_ "VFrameFormat" BO_ 800 14;\n'
-    )
-    status = StatusRule("M", "Wide", frozenset((1,)), frozenset())
-    source = Source("M", "V", Quantity.SPEED, (0,), statuses=(status,))
-    with pytest.raises(InputError, match="a signal of 72 bits is mapped, as status or multiplexer; 64 are the most"):
-        Receiver(dbc, [source])
 
 
 def test_adhesion_frame_is_encoded_and_protected(production: Database) -> None:

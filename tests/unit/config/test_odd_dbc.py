@@ -8,6 +8,7 @@ from tests.unit.config.support import DBC, SECOND, SPEED, TORQUE, YAW, Edit, aft
 from wrcd.bus.units import Quantity
 from wrcd.config.config import load_config
 from wrcd.core.configuration import Config
+from wrcd.core.terms import MAX_SIGNALS
 from wrcd.errors import InputError
 
 DIRECTION = SPEED, SPEED + '\ndirection = "Drive.Dir"'
@@ -84,3 +85,43 @@ def test_status_where_crc_and_counter_are_is_refused(tmp_path: Path) -> None:
         'ok = [1], e2e = "none" }'
     )
     loaded(tmp_path, [of_yaw_rate('status = "Protected.Brake", ok = [1]')])
+
+
+WIDE = """BO_ 800 Wide: 64 Train
+ SG_ {which} : 0|72@1+ (1,0) [0|0] "" WRCD
+ SG_ Gyro {of} : 72|16@1- (0.01,0) [-300|300] "deg/s" WRCD
+"""
+
+
+@pytest.mark.parametrize(
+    ("which", "of", "keys", "said"),
+    [
+        ("State", "", ', status = "Wide.State", ok = [1]', ".status: Wide.State has 72 bits, at most 64 are read"),
+        ("Page M", "m1", "", ".signal: Wide.Page has 72 bits, at most 64 are read"),
+        (
+            "Status", "", ", scale = 0.01",
+            ".signal: Wide.Status is taken for its status and has 72 bits, at most 64 are read — write in [[axle]]: "
+            'yaw_rate = { signal = "Wide.Gyro", scale = 0.01, status = false }',
+        ),
+    ],
+)  # fmt: skip
+def test_status_or_multiplexer_of_more_than_64_bits_is_refused(
+    tmp_path: Path, which: str, of: str, keys: str, said: str
+) -> None:
+    wide = ("BO_ 256 Imu1", WIDE.format(which=which, of=of) + "\nBO_ 256 Imu1")
+    assert refused(tmp_path, [(YAW, f'yaw_rate = {{ signal = "Wide.Gyro"{keys} }}')], [wide]) == (
+        f"9: axle[1].yaw_rate{said}"
+    )
+
+
+@pytest.mark.parametrize("torques", [MAX_SIGNALS, MAX_SIGNALS + 1])
+def test_message_of_more_signals_than_the_core_reads_is_refused(tmp_path: Path, torques: int) -> None:
+    lines = "".join(f' SG_ T{k} : {3 * k}|3@1- (1,0) [-4|3] "kNm" WRCD\n' for k in range(torques))
+    many = [("BO_ 256 Imu1", f"BO_ 800 Long: 64 Train\n{lines}\nBO_ 256 Imu1")]
+    of_axle = (TORQUE, f"torque = [{', '.join(f'{chr(34)}Long.T{k}{chr(34)}' for k in range(torques))}]")
+    if torques <= MAX_SIGNALS:
+        assert len(loaded(tmp_path, [of_axle], many).inputs) == torques + 3
+        return
+    assert refused(tmp_path, [of_axle], many) == (
+        "11: axle[1].torque[129]: Long is mapped to 129 inputs, at most 128 are read"
+    )
