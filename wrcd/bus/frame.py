@@ -6,11 +6,20 @@ from dataclasses import dataclass
 EXTENDED = 0x8000_0000  # in a key, and in the kernel's word: the id is one of 29 bits
 REMOTE, ERROR = 0x4000_0000, 0x2000_0000  # in the kernel's word
 ID_BITS, STANDARD_BITS = 0x1FFF_FFFF, 0x7FF
+GROUP = 0x4000_0000  # in a key that is looked for: any frame of its parameter group (J1939)
 
 
 def id_text(key: int) -> str:
     """Return the id of a key in hexadecimal; an extended one has eight digits."""
-    return f"0x{key - EXTENDED:08X}" if key & EXTENDED else f"0x{key:03X}"
+    return f"0x{key & ID_BITS:08X}{' of any sender' * bool(key & GROUP)}" if key & EXTENDED else f"0x{key:03X}"
+
+
+def mask_of(key: int) -> int:
+    """The bits that a frame's key must have in common with a key that is looked for: all; of a group neither those of
+    priority and source address, nor those of the destination where ids have one."""
+    if not key & GROUP:
+        return EXTENDED | ID_BITS
+    return EXTENDED | (0x3FF_FF00 if key >> 16 & 0xFF >= 0xF0 else 0x3FF_0000)
 
 
 def counted_ids(counts: Mapping[int, int], most: int = 8) -> str:

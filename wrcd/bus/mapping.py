@@ -7,7 +7,11 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from wrcd.bus.dbc import DEFAULT_TIMEOUT_MS, Database, Message, Signal, data_id, find_message, find_signal, timeout_ms
+from wrcd.bus.frame import GROUP, mask_of
 from wrcd.bus.positions import Branch, Field, fit_raw, frame_length, is_fd, message_key, span
 from wrcd.bus.signals import Source, StatusRule
 from wrcd.bus.units import Quantity, factor
@@ -77,7 +81,7 @@ class MappedStatus:
 
     def __init__(self, message: Message, rule: StatusRule, is_kept: bool = False) -> None:
         signal, length = find_signal(message, rule.signal), frame_length(message)
-        self.rule, self.is_kept, self.key = rule, is_kept, message_key(message)
+        self.rule, self.is_kept = rule, is_kept
         self.field = Field(signal, length)
         self.branch = Branch(message, signal, length)
         self.ok, self.degraded = self._bits(rule.ok), self._bits(rule.degraded)
@@ -97,6 +101,7 @@ class MappedMessage:
         self, message: Message, sources: Sequence[tuple[int, Source]], identity: int | None, others: Sequence[int]
     ) -> None:
         self.name, self.key = message.name, message_key(message)
+        self.wanted = self.key | GROUP * any(s.pgn for _, s in sources)
         self.length, self.fd = frame_length(message), is_fd(message)
         self.data_id, self.others = identity, tuple(i for i in others if i != identity)
         self.signals = [MappedSignal(k, s, message) for k, s in sources]
@@ -135,8 +140,15 @@ class Mapped:
 
     @property
     def keys(self) -> tuple[int, ...]:
-        """The identities of all messages (Frame.key)."""
-        return tuple(m.key for m in self.messages)
+        """The identities of all messages (Frame.key), with GROUP where they are groups."""
+        return tuple(m.wanted for m in self.messages)
+
+    def named(self, keys: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Frames' keys, those of a group as its message's own."""
+        for m in self.messages:
+            if m.wanted & GROUP:
+                keys = np.where((keys ^ m.key) & mask_of(m.wanted), keys, m.key)
+        return keys
 
     @property
     def fd(self) -> bool:

@@ -98,11 +98,6 @@ class Branch:
         parts = [f"{name} = {' or '.join(map(str, sorted(ids)))}" for name, _, ids in reversed(self.conditions)]
         return ", ".join(parts) or "every frame"
 
-    @property
-    def example(self) -> dict[str, int]:
-        """Multiplexers' names and values with which it does."""
-        return {name: min(ids, default=0) for name, _, ids in self.conditions}
-
 
 def position(signal: Signal, length: int) -> Position:
     """Of a signal in a frame of so many bytes."""

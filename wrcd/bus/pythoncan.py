@@ -6,7 +6,7 @@ from typing import Any
 import can
 
 from wrcd.bus import opening_hints
-from wrcd.bus.frame import Frame
+from wrcd.bus.frame import GROUP, Frame, mask_of
 from wrcd.bus.link import MAX_FRAMES, Link, LinkHealth
 from wrcd.errors import BusError
 
@@ -61,6 +61,7 @@ class PythonCanLink(Link):
         self.name = f"{interface}:{channel}"
         self.health = LinkHealth()
         self._keys = None if keys is None else frozenset(keys)
+        self._groups = [key for key in keys or () if key & GROUP]
         self._own: set[int] = set()  # keys of the frames sent here
         self._echoes = deque[tuple[int, bytes]](maxlen=MAX_ECHOES if interface in ECHOING else 0)
         self._bus = open_bus(interface, channel, user_settings=user_settings, **options)
@@ -81,10 +82,13 @@ class PythonCanLink(Link):
                 if not message.is_rx or self._is_echo(frame):  # our own, come back
                     continue
                 self.health.foreign(frame.key)
-            elif self._keys is not None and frame.key not in self._keys:
+            elif self._keys is not None and frame.key not in self._keys and not self._is_of_group(frame.key):
                 continue
             frames.append(frame)
         return frames
+
+    def _is_of_group(self, key: int) -> bool:
+        return any(not (key ^ group) & mask_of(group) for group in self._groups)
 
     def _is_echo(self, frame: Frame) -> bool:
         if (sent := (frame.key, frame.data)) not in self._echoes:

@@ -7,7 +7,7 @@ import errno
 import socket
 import struct
 
-from wrcd.bus.frame import EXTENDED
+from wrcd.bus.frame import EXTENDED, GROUP, mask_of
 from wrcd.bus.link import LinkHealth
 
 FRAME = struct.Struct("=IB3x8s")  # struct can_frame
@@ -57,9 +57,9 @@ def parse_ancillary(ancillary: list[tuple[int, int, bytes]], now_us: int) -> tup
 
 
 def only_word(word: int) -> bytes:
-    """Exactly this id, in its own length: an id with its flag, as Frame.key is."""
-    mask = socket.CAN_EFF_MASK if word & EXTENDED else socket.CAN_SFF_MASK
-    return FILTER.pack(word, mask | EXTENDED)
+    """Exactly this id, in its own length: an id with its flag, as Frame.key is; or its group."""
+    mask = mask_of(word) if word & EXTENDED else socket.CAN_SFF_MASK | EXTENDED
+    return FILTER.pack(word & ~GROUP, mask)
 
 
 class HardwareClock:

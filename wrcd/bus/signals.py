@@ -38,6 +38,7 @@ class Source:
     statuses: tuple[StatusRule, ...] = ()
     reverse: frozenset[int] | None = None  # raw values of a direction that mean reverse
     part: int = 0  # 0 … of the signals that add up to the quantity
+    pgn: bool = False  # its message is any frame of the parameter group (J1939), whoever sends it
 
 
 @dataclass(frozen=True, slots=True)

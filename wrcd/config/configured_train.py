@@ -6,7 +6,7 @@ What cannot hold at once is refused: one signal for two things, one message for 
 from collections.abc import Iterable, Mapping, Sequence
 
 from wrcd.bus.dbc import Database, Message, data_id, find_message
-from wrcd.bus.frame import EXTENDED
+from wrcd.bus.frame import EXTENDED, GROUP, ID_BITS, mask_of
 from wrcd.bus.positions import message_key
 from wrcd.bus.signals import Output, StatusRule
 from wrcd.bus.units import Quantity
@@ -137,7 +137,8 @@ def _resolved(
     mapped = []
     for s in stated:
         with s.table.collected():
-            found = resolve(s, database, design, rules[s.message].get(s.signal, ()))
+            of_group = any(other.pgn for other in stated if other.message == s.message)
+            found = resolve(s, database, design, rules[s.message].get(s.signal, ()), of_group)
             if found is not None:
                 check_pace(s, database, design, train.warnings)
                 mapped.append((s, found))
@@ -182,19 +183,21 @@ def check_jobs(
     jobs: dict[str, tuple[str, bool]] = {}  # by message: what for, whether it is sent
     keys: dict[int, str] = {}
 
-    def take(table: Section, key: str, name: str, sent: bool) -> None:
+    def take(table: Section, key: str, name: str, sent: bool, group: int = 0) -> None:
         job = jobs.setdefault(name, (table.name, sent))
         if job[0] != table.name and (sent or job[1]):
             table.refuse(f"{name} is {'sent' if job[1] else 'read'} for {job[0]} already", key, "one job a message")
             return
-        identity = message_key(find_message(database, name))
-        other = keys.setdefault(identity, name)
-        if other != name:
-            kind = "extended" if identity & EXTENDED else "standard"
-            table.refuse(f"{name} has the {kind} id 0x{identity & ~EXTENDED:X}, and so has {other}", key)
+        identity = message_key(find_message(database, name)) | group
+        kind = "extended" if identity & EXTENDED else "standard"
+        for known, other in keys.items():
+            if other != name and not (known ^ identity) & mask_of(known) & mask_of(identity):
+                so_has = f"{other} is of its group" if (known | identity) & GROUP else f"so has {other}"
+                table.refuse(f"{name} has the {kind} id 0x{identity & ID_BITS:X}, and {so_has}", key)
+        keys[identity] = name
 
     for s, i in inputs:
-        take(s.table, declared.SIGNAL.name, s.message, False)
+        take(s.table, declared.SIGNAL.name, s.message, False, GROUP * i.source.pgn)
         for rule in i.source.statuses:
             if rule.message != s.message:
                 take(s.table, declared.STATUS.name, rule.message, False)

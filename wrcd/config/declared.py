@@ -96,6 +96,7 @@ STATUS_TIMEOUT = Whole(
 )
 E2E = Choice("e2e", "P11: the message is protected; none: it is not, whatever the DBC says", (P11, UNPROTECTED))
 DATA_ID = Whole("data_id", "its E2E data id", 0, 0xFFFF)
+PGN = Flag("pgn", "true: J1939; any frame of its group counts, whatever priority, source and destination", False)
 AT = Choice(
     "at",
     "where the torque acts: at the motor's shaft it is times the gear ratio; at the rim it is a force, "
@@ -108,7 +109,7 @@ SHARE = Number("share", "the part of it that acts at this axle", 0.01, 1.0, 1.0)
 REVERSE = RawValues("reverse", "its values that mean reverse, where the DBC's words do not say")
 
 PLAIN_INPUT: tuple[Key, ...] = (
-    SIGNAL, UNIT, SCALE, OFFSET, RANGE, TIMEOUT, INVALID, STATUS, OK, DEGRADED, STATUS_TIMEOUT, E2E, DATA_ID,
+    SIGNAL, UNIT, SCALE, OFFSET, RANGE, TIMEOUT, INVALID, STATUS, OK, DEGRADED, STATUS_TIMEOUT, E2E, DATA_ID, PGN,
 )  # fmt: skip
 SIGNED_INPUT: tuple[Key, ...] = (SIGNAL, SIGN, *PLAIN_INPUT[1:])
 TORQUE_INPUT: tuple[Key, ...] = (*SIGNED_INPUT, AT, GEAR_RATIO, SHARE)

@@ -1,7 +1,7 @@
 """`wrcd check`: what a configuration would run."""
 
 from wrcd.bus.dbc import Message, find_message, find_signal
-from wrcd.bus.frame import id_text
+from wrcd.bus.frame import GROUP, id_text
 from wrcd.bus.positions import message_key
 from wrcd.bus.signals import Output, OutputSignal, Source, StatusRule
 from wrcd.bus.units import Quantity
@@ -68,7 +68,7 @@ def _input(c: Config, i: Input) -> list[str]:
     ]
     name = s.quantity.key if s.part == 0 else "+"
     return [
-        f"  {name:22} <- {id_text(message_key(m))} {s.message}.{s.signal} ({facts[0]}), "
+        f"  {name:22} <- {id_text(message_key(m) | GROUP * s.pgn)} {s.message}.{s.signal} ({facts[0]}), "
         f"{', '.join(facts[1:])}{_bounds(s.quantity, c.design)}",
         *(f"  {'':22}    if {_rule(c, rule)}" for rule in s.statuses),
     ]

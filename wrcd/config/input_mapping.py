@@ -29,14 +29,19 @@ STALE_TICKS = 3  # of gyro and accelerometer: two may be missing
 MEASURED = (Quantity.YAW_RATE, Quantity.LAT_ACCEL)
 
 
-def resolve(s: Statement, database: Database, design: Design, statuses: tuple[StatusRule, ...]) -> Input | None:
-    """One input; None where a value of its table is wrong, which is reported already. Raises InputError."""
+def resolve(
+    s: Statement, database: Database, design: Design, statuses: tuple[StatusRule, ...], pgn: bool
+) -> Input | None:
+    """One input; None where a value of its table is wrong, which is reported already. pgn: its message is a group.
+    Raises InputError."""
     key = declared.SIGNAL.name
     message, signal = find(s.table, key, database, s.message, s.signal)
     try:
         check_readable(message, signal)
     except ValueError as e:
         raise s.table.error(str(e), key) from None
+    if s.pgn and not message.is_extended_frame:
+        raise s.table.error(f"{s.message} has a standard id, which is of no parameter group", declared.PGN.name)
     if s.wrong:
         return None
     to_si = _factor(s, signal, design)
@@ -55,6 +60,7 @@ def resolve(s: Statement, database: Database, design: Design, statuses: tuple[St
         statuses=statuses,
         reverse=_reverse(s, signal),
         part=s.part,
+        pgn=pgn and message.is_extended_frame,
     )
     return Input(source, _timeout_us(s, message, signal, design))
 

@@ -64,6 +64,7 @@ class Statement(NamedTuple):
     gear_ratio: float | None
     share: float
     reverse: Values | None
+    pgn: bool
     wrong: bool  # a value is, and that is reported already: what depends on it is not looked at
     status_wrong: bool  # the same of those of its status
     protection_wrong: bool
@@ -125,6 +126,7 @@ def _statement(table: Section, q: Quantity, axles: tuple[int, ...], part: int) -
         gear_ratio=gear_ratio,
         share=declared.SHARE.value(table),
         reverse=declared.REVERSE.read(table),
+        pgn=declared.PGN.value(table),
         wrong=table.mistakes > before,
         status_wrong=status_wrong,
         protection_wrong=protection_wrong,

@@ -9,7 +9,7 @@ import numpy as np
 
 from wrcd.bus.dbc import find_message
 from wrcd.bus.e2e import crc_of_data_id
-from wrcd.bus.frame import EXTENDED
+from wrcd.bus.frame import EXTENDED, mask_of
 from wrcd.bus.mapping import Mapped, MappedMessage, MappedSignal
 from wrcd.bus.positions import MAX_BITS, Branch, Field
 from wrcd.bus.units import Quantity
@@ -112,7 +112,7 @@ def input_tables(mapped: Mapped, inputs: Sequence[Input], silent: Sequence[int] 
     message, first = [], 0
     for m in mapped.messages:
         assert len(m.signals) <= MAX_SIGNALS, m.name
-        tells = [k for k, s in enumerate(mapped.statuses.values()) if s.is_kept and s.key == m.key]
+        tells = [k for k, s in enumerate(mapped.statuses.values()) if s.is_kept and s.rule.message == m.name]
         row = {**_message(rows, m), **rows.ruled("tells", tells)}
         message.append(row | {"first_signals": first, "signals": len(m.signals)})
         first += len(m.signals)
@@ -125,7 +125,7 @@ def input_tables(mapped: Mapped, inputs: Sequence[Input], silent: Sequence[int] 
 
 def _message(rows: _Rows, m: MappedMessage) -> dict[str, Any]:
     return {
-        "word": m.key, "length": m.length, "is_fd": m.fd, "is_multiplexed": m.is_multiplexed,
+        "word": m.key, "mask": mask_of(m.wanted), "length": m.length, "is_fd": m.fd, "is_multiplexed": m.is_multiplexed,
         "is_protected": m.data_id is not None, "crc_start": 0 if m.data_id is None else crc_of_data_id(m.data_id),
         **rows.numbered("others", map(crc_of_data_id, m.others)),
     }  # fmt: skip

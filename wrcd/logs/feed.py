@@ -8,6 +8,7 @@ import numpy as np
 
 from wrcd.bus.dbc import find_message
 from wrcd.bus.frame import Frame
+from wrcd.bus.mapping import Mapped
 from wrcd.bus.positions import message_key
 from wrcd.bus.units import Quantity
 from wrcd.core.configuration import Config
@@ -57,7 +58,7 @@ def outgoing(parts: Iterable[tuple[Made, str]]) -> Iterator[tuple[Outgoing, str]
 
 def _goes_on(core: Core, s: Stretch) -> bool:
     """Whether a stretch is worth it, and no mapped frame of it comes after a silence."""
-    mapped = s.stamps_us[np.isin(s.keys, core.mapped.keys)]
+    mapped = s.stamps_us[np.isin(core.mapped.named(s.keys), [m.key for m in core.mapped.messages])]
     if len(s) < MIN_ROWS or not len(mapped):  # as between frames that are not plain
         return False
     before_us = mapped[0] if core.time_us is None else core.time_us
@@ -112,6 +113,7 @@ class Survey:
 def survey(log: Path, config: Config, channel: str | None) -> Survey:
     """Look into a log as far as needed: until every axle had a frame. Raises InputError as its replay would."""
     keys: dict[int, set[int]] = {}  # axles by mapped message
+    mapped = Mapped(config.database, [i.source for i in config.inputs], config.data_ids)
     for i in config.inputs:
         if i.source.quantity not in VEHICLE:
             key = message_key(find_message(config.database, i.source.message))
@@ -120,11 +122,11 @@ def survey(log: Path, config: Config, channel: str | None) -> Survey:
     first_us = None
     for item in LogReader(log, channel).written():
         if isinstance(item, Stretch):
-            stamp_us, found = int(item.stamps_us[0]), set(np.unique(item.keys).tolist())
+            stamp_us, found = int(item.stamps_us[0]), np.unique(item.keys)
         else:
-            stamp_us, found = item[0].stamp_us, set() if item[0].error else {item[0].key}
+            stamp_us, found = item[0].stamp_us, np.array([] if item[0].error else [item[0].key], np.int64)
         first_us = stamp_us if first_us is None else first_us
-        for key in found & keys.keys():
+        for key in keys.keys() & mapped.named(found).tolist():
             unseen -= keys[key]
         if not unseen:
             break

@@ -25,6 +25,7 @@ class MappedInputs:
         # the counter is another question
         sources = [i.source for i in config.inputs]
         self._receiver = Receiver(config.database, sources, config.data_ids, follows=False)
+        self.named = self._receiver.mapped.named
         self.messages = {m.key: m for m in self._receiver.mapped.messages}
         self.wrong: dict[int, int] = {}  # frames whose length or CRC does not fit, by Frame.key, of those under E2E
 

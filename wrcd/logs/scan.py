@@ -44,6 +44,13 @@ class Scan:
     clock_steps: tuple[ClockStep, ...] = ()
     gaps: Gaps = NO_GAPS
 
+    def rename(self, named: Callable[[NDArray[np.int64]], NDArray[np.int64]]) -> None:
+        """Take the frames of a group under its message's id."""
+        ids, parts = np.array(list(self.frames), np.int64), dict[int, list[Frames]]()
+        for key, frames in zip(named(ids).tolist(), self.frames.values(), strict=True):
+            parts.setdefault(key, []).append(frames)
+        self.frames = {key: of[0] if len(of) == 1 else _joined(of) for key, of in sorted(parts.items())}
+
     def of(self, key: int) -> Frames:
         """The frames of an id, perhaps none."""
         return self.frames.get(key, NO_FRAMES)

@@ -137,7 +137,8 @@ def gather(
         first[:] = first or [stamp_us]
         progress.at(f"{log.name}: read, {(stamp_us - first[0]) * 1e-6:.0f} s of log")
 
-    found = scan(log, channel, reading)
+    found, inputs = scan(log, channel, reading), MappedInputs(config)
+    found.rename(inputs.named)
     own = OwnFrames(config)
     adhesions = {a.number: own.adhesion(found, a.number) for a in config.axles}
     warnings = list(found.warnings)
@@ -151,7 +152,6 @@ def gather(
         sent = found
         warnings += _uncovered(found, config, own, adhesions)
     progress.end()
-    inputs = MappedInputs(config)
     inputs.count_wrong(found)
     messages = truth.truths(databases)
     speed = inputs.speed(found)

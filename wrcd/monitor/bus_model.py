@@ -353,9 +353,10 @@ class BusModel:
         return latest[1:]
 
     def _sort(self, batch: Batch, times: NDArray[np.int64]) -> None:
-        rows = np.flatnonzero((batch.flags & ERROR == 0) & np.isin(batch.key, self._keys))
+        keys = self.inputs.named(batch.key)
+        rows = np.flatnonzero((batch.flags & ERROR == 0) & np.isin(keys, self._keys))
         found = Scan(Path())
-        for key, places in rows_by_key(batch.key[rows]):
+        for key, places in rows_by_key(keys[rows]):
             part = rows[places]
             frames = Frames(times[part], batch.length[part].astype(np.uint8), batch.data[part])
             watched = self.watched.get(key)

@@ -50,7 +50,7 @@ uint8_t wrcd_crc_after(uint8_t start, const uint8_t *data, int length)
 
 void wrcd_e2e_reset(wrcd_message_state *m)
 {
-    m->last = m->candidate = NONE;
+    m->last = m->candidate = m->sender = NONE;
     m->last_us = m->candidate_us = WRCD_NEVER;
     m->candidate_frames = m->frames_since_candidate = m->moves = m->quarantine_frames = m->payload_bytes = 0;
 }

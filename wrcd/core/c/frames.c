@@ -6,7 +6,8 @@
 #define CAN_ERROR 0x20000000U
 #define CAN_ID 0x1FFFFFFFU
 
-/* The mapped message of a frame's word; NULL: none. An error frame's class looks like an id, and never is. */
+/* The mapped message of a frame's word, or whose group it is of; NULL: none. An error frame's class looks like an id, and never
+ * is. */
 const wrcd_message *wrcd_message_of(const wrcd_train *t, uint32_t word)
 {
     const uint32_t key = word & (CAN_EXTENDED | CAN_ID);
@@ -21,7 +22,12 @@ const wrcd_message *wrcd_message_of(const wrcd_train *t, uint32_t word)
         else
             end = middle;
     }
-    return first < t->settings->messages && t->message[first].word == key ? &t->message[first] : NULL;
+    if (first < t->settings->messages && t->message[first].word == key)
+        return &t->message[first];
+    for (int k = 0; key & CAN_EXTENDED && k < t->settings->messages; k++)
+        if (((t->message[k].word ^ key) & t->message[k].mask) == 0)
+            return &t->message[k];
+    return NULL;
 }
 
 /* A field's bits; those that no frame has are 0. */
@@ -170,6 +176,15 @@ static int read_value(const wrcd_train *t, const wrcd_input *s, const wrcd_messa
     return WRCD_REASON_NONE;
 }
 
+/* Whether a frame of a group comes from another sender than the one before it, or goes to another receiver. */
+static bool is_of_another(const wrcd_message *m, wrcd_message_state *s, uint32_t word)
+{
+    const int32_t before = s->sender, now = (int32_t)(word & 0xFFFF);
+
+    s->sender = (m->mask & 0xFF) == 0 ? now : before;
+    return before >= 0 && before != s->sender;
+}
+
 /* The values of a frame of a mapped message, with room for so many bytes; none where a multiplexer selects none. Returns why
  * it is refused. */
 int wrcd_read_frame(const wrcd_train *t, int message, const wrcd_frame_head *f, int64_t room, reading *values, int *count)
@@ -183,13 +198,13 @@ int wrcd_read_frame(const wrcd_train *t, int message, const wrcd_frame_head *f, 
         return WRCD_REASON_KIND;
     if (f->length != m->length || m->length > room)
         return WRCD_REASON_LENGTH;
-    if (m->is_protected) {
-        const int reason = wrcd_e2e_check(t, message, f->data, m->length, f->stamp_us);
-        for (int k = 0; reason == WRCD_REASON_TWO_SENDERS && k < m->tells; k++)
-            t->status_state[t->rule[m->first_tells + k]].stamp_us = WRCD_NEVER;
-        if (reason != WRCD_REASON_NONE)
-            return reason;
-    }
+    int reason = is_of_another(m, &t->message_state[message], f->word) ? WRCD_REASON_TWO_SENDERS : WRCD_REASON_NONE;
+    if (m->is_protected && reason == WRCD_REASON_NONE)
+        reason = wrcd_e2e_check(t, message, f->data, m->length, f->stamp_us);
+    for (int k = 0; reason == WRCD_REASON_TWO_SENDERS && k < m->tells; k++)
+        t->status_state[t->rule[m->first_tells + k]].stamp_us = WRCD_NEVER;
+    if (reason != WRCD_REASON_NONE)
+        return reason;
     keep_statuses(t, m, f->data, f->stamp_us);
     for (int i = m->first_signals; i < m->first_signals + m->signals; i++) {
         const wrcd_input *s = &t->input[i];
@@ -202,7 +217,7 @@ int wrcd_read_frame(const wrcd_train *t, int message, const wrcd_frame_head *f, 
     }
     const bool is_contested = m->is_protected && wrcd_e2e_suspect(&t->message_state[message]);
     for (int k = 0; k < *count; k++) {
-        const int reason = read_value(t, &t->input[values[k].input], m, f->data, &values[k].value);
+        reason = read_value(t, &t->input[values[k].input], m, f->data, &values[k].value);
         if (reason != WRCD_REASON_NONE)
             return reason;
         values[k].is_degraded = is_degraded;

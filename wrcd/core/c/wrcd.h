@@ -73,17 +73,19 @@ enum wrcd_validity { WRCD_NOT_AVAILABLE, WRCD_VALID, WRCD_DEGRADED };
     F(int32_t, is_degraded, ) F(int32_t, is_contested, ) F(int32_t, jumped, ) F(int32_t, refusals, ) \
     F(uint8_t, order, [16])
 
-/* A mapped message: kind, length, E2E, its signals; tells: statuses that it keeps for others. */
+/* A mapped message: kind, length, E2E, its signals; mask: the bits by which a frame's word must be its own, not all where it
+ * is a parameter group (J1939); tells: statuses that it keeps for others. */
 #define WRCD_MESSAGE(F)                                                                            \
-    F(uint32_t, word, ) F(int32_t, length, ) F(int32_t, is_fd, ) F(int32_t, is_protected, )        \
+    F(uint32_t, word, ) F(uint32_t, mask, ) F(int32_t, length, ) F(int32_t, is_fd, ) F(int32_t, is_protected, ) \
     F(int32_t, crc_start, ) F(int32_t, is_multiplexed, ) WRCD_RANGE_OF(F, others)                  \
     WRCD_RANGE_OF(F, signals) WRCD_RANGE_OF(F, tells)
-/* The chain of its sender's counters, and a rival's beside it; what was refused. */
+/* The chain of its sender's counters, and a rival's beside it; what was refused. Sender: of a group, the newest frame's source
+ * and destination; -1: none. */
 #define WRCD_MESSAGE_STATE(F)                                                                      \
     F(int64_t, last_us, ) F(int64_t, candidate_us, ) F(int64_t, refused, [WRCD_REASONS])           \
     F(int32_t, last, /* counter; -1: none */) F(int32_t, candidate, ) F(int32_t, candidate_frames, ) \
     F(int32_t, frames_since_candidate, ) F(int32_t, moves, ) F(int32_t, quarantine_frames, )       \
-    F(int32_t, payload_bytes, ) F(int32_t, reserved, ) F(uint8_t, payload, [64])
+    F(int32_t, payload_bytes, ) F(int32_t, sender, ) F(uint8_t, payload, [64])
 
 /* What a frame may tell, by the names of wrcd/core/vocabulary.py; words by their place there. */
 #define WRCD_TOLD(F)                                                                               \

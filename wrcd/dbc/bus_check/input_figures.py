@@ -117,16 +117,18 @@ class Gathered:
         if frame.error:
             self.errors += 1
             return
-        self._take(FrameBatch.of((frame,)), [frame.stamp_us], [frame.key])
+        self._take(FrameBatch.of((frame,)), [frame.stamp_us], np.array([frame.key]))
 
     def _stretch(self, s: Stretch) -> None:
         self.lasts(int(s.stamps_us[0]))
         self.lasts(int(s.stamps_us[-1]))
-        self._take(s.batch, s.stamps_us.tolist(), s.keys.tolist())
+        self._take(s.batch, s.stamps_us.tolist(), s.keys)
 
-    def _take(self, batch: FrameBatch, stamps_us: Sequence[int], keys: Sequence[int]) -> None:
+    def _take(self, batch: FrameBatch, stamps_us: Sequence[int], keys: IntArray) -> None:
         reasons, samples = self.receiver.read_all(batch)
-        for reason, stamp_us, key in zip(reasons.tolist(), stamps_us, keys, strict=True):
+        for reason, stamp_us, key in zip(
+            reasons.tolist(), stamps_us, self.receiver.mapped.named(keys).tolist(), strict=True
+        ):  # fmt: skip
             if reason == NOT_MAPPED:
                 self.others[key] += 1
                 continue

@@ -94,7 +94,7 @@ CODES: dict[str, Code] = {
     ),
     "j1939-id": Code(
         "Ids are matched whole, source address and priority too: another sender's frames of the group are not read.",
-        "Give the id that the sender has on the bus.",
+        "Give the id that the sender has on the bus, or write `pgn = true` in the configuration.",
     ),
     # numbers
     "factor-zero": Code(
