@@ -89,7 +89,8 @@ class Events:
     def take(self, events: np.ndarray[Any, Any]) -> None:
         """Take what happened."""
         heads = zip(*(events[name].tolist() for name in ("kind", "axle", "cause", "is_over")), strict=True)
-        for event, (kind, axle, cause, is_over) in zip(events, heads, strict=True):
+        for of_many, (kind, axle, cause, is_over) in zip(events, heads, strict=True):
+            event = of_many.copy()  # it is kept alone
             if kind == _DETAIL:
                 self._begun[axle, cause] = event
                 continue

@@ -1,6 +1,5 @@
 """What comes of a slot: a report of each axle, and the frames."""
 
-import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -16,7 +15,6 @@ from wrcd.core.vocabulary import SURFACES, words_of
 _VALIDITIES = tuple(Validity(word) for word in words_of("adhesion", "Validity"))
 _SURFACES, _CONTACTS, _LEVELS = (words_of("adhesion", name) for name in ("Surface", "ContactState", "Confidence"))
 _CAUSES = tuple(Cause)
-_MADE = struct.Struct("=qIBBH8sqii")  # a frame that was made, as C has it
 Records = np.ndarray[Any, Any]
 
 
@@ -100,5 +98,8 @@ class Made(Sequence[Outgoing]):
         return list(self)[k]
 
     def __iter__(self) -> Iterator[Outgoing]:
-        for stamp_us, word, length, _, cause, data, cycle_us, of, _ in _MADE.iter_unpack(self.frames.tobytes()):
-            yield Outgoing(frame_of(stamp_us, word, data[:length]), cycle_us, _CAUSES[cause], self.reports, of)
+        columns = (self.frames[name].tolist() for name in ("stamp_us", "word", "length", "cause", "cycle_us", "report"))
+        data, width = self.frames["data"].tobytes(), self.frames["data"].shape[1]
+        for k, (stamp_us, word, length, cause, cycle_us, of) in enumerate(zip(*columns, strict=True)):
+            frame = frame_of(stamp_us, word, data[width * k : width * k + length])
+            yield Outgoing(frame, cycle_us, _CAUSES[cause], self.reports, of)

@@ -68,7 +68,6 @@ void wrcd_inputs_reset(const wrcd_train *t);
 void wrcd_inputs_close(const wrcd_train *t, int64_t end_us, tick_inputs *tick);
 double wrcd_value_of(const wrcd_train *t, int quantity, int axle);
 double wrcd_total_of(const wrcd_train *t, int quantity, int axle);
-int wrcd_torques_of(const wrcd_train *t, int axle, double torque_Nm[8], double *driving, double *braking);
 bool wrcd_torques_contradict(const wrcd_train *t, int axle);
 bool wrcd_friction_share_unknown(const wrcd_train *t, int axle);
 int wrcd_age_ms(const wrcd_train *t, int axle, int64_t end_us);

@@ -59,18 +59,27 @@ static void name_inputs(const wrcd_train *t, wrcd_event *e, int64_t end_us)
         }
 }
 
+/* The first eight torques of an axle that are mapped, those of the brakes last. */
+static void list_torques(const wrcd_train *t, wrcd_event *e)
+{
+    static const int OF[2] = {WRCD_TORQUE, WRCD_BRAKE};
+
+    for (int k = 0; k < 2; k++)
+        for (int input = t->settings->input_of[OF[k]][e->axle]; input >= 0 && e->listed < 8; input = t->input[input].next)
+            e->number[e->listed++] = t->input_state[input].value;
+}
+
 /* How a cause that speaks against a tick is as it begins. */
 void wrcd_tell_cause(const wrcd_train *t, wrcd_out *out, int axle, int cause, int64_t end_us)
 {
     wrcd_event *e = new_event(out, WRCD_DETAIL_EVENT, axle, cause, end_us);
-    double driving, braking;
 
     switch (cause) {
     case WRCD_CAUSE_SPEED_OUT_OF_RANGE: e->number[0] = wrcd_value_of(t, WRCD_SPEED, 0); break;
     case WRCD_CAUSE_FRICTION_SHARE_UNKNOWN: e->number[0] = wrcd_total_of(t, WRCD_TORQUE, axle); break;
     case WRCD_CAUSE_LOAD_BEYOND: e->number[0] = wrcd_total_of(t, WRCD_LOAD, axle); break;
     case WRCD_CAUSE_RADIUS_BEYOND: e->number[0] = wrcd_total_of(t, WRCD_RADIUS, axle); break;
-    case WRCD_CAUSE_TORQUES_CONTRADICT: e->listed = wrcd_torques_of(t, axle, e->number, &driving, &braking); break;
+    case WRCD_CAUSE_TORQUES_CONTRADICT: list_torques(t, e); break;
     default: name_inputs(t, e, end_us);
     }
     for (int k = 0; cause == WRCD_CAUSE_UNCHANGED && k < 2 && k < e->listed; k++) {

@@ -70,7 +70,7 @@ static double float_of(int bits, uint64_t raw)
     return raw >> 15 & 1 ? -number : number;
 }
 
-/* A raw value as a number. */
+/* A raw value as a number: of more than 53 bits rounded, by less than 2^-53 of what the field holds. */
 static double number_of(const wrcd_field *at, uint64_t bits)
 {
     return at->kind == WRCD_FLOAT ? float_of(at->bits, bits)

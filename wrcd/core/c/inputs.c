@@ -44,25 +44,6 @@ double wrcd_total_of(const wrcd_train *t, int quantity, int axle)
     return total;
 }
 
-/* The first eight torques of an axle that are mapped, those of the brakes last; driving and braking: the sums of all. Returns
- * how many there are of the eight. */
-int wrcd_torques_of(const wrcd_train *t, int axle, double torque_Nm[8], double *driving, double *braking)
-{
-    static const int OF[2] = {WRCD_TORQUE, WRCD_BRAKE};
-    int count = 0;
-
-    *driving = *braking = 0.0;
-    for (int k = 0; k < 2; k++)
-        for (const wrcd_input *i = input_of(t, OF[k], axle); i != NULL; i = next_of(t, i)) {
-            const double torque = state_of(t, i)->value;
-            *driving += fmax(torque, 0.0);
-            *braking += fmin(torque, 0.0);
-            if (count < 8)
-                torque_Nm[count++] = torque;
-        }
-    return count;
-}
-
 /* Whether torque and brake torque are against each other, or two parts of the torque. One of them has the wrong sign, and
  * their sum would be what is left of either. */
 bool wrcd_torques_contradict(const wrcd_train *t, int axle)
@@ -81,11 +62,16 @@ bool wrcd_torques_contradict(const wrcd_train *t, int axle)
 /* How large the torque at an axle is: where its parts contradict each other, as large as the larger side. */
 static double torque_Nm(const wrcd_train *t, int axle)
 {
-    double torque[8], driving, braking;
+    static const int OF[2] = {WRCD_TORQUE, WRCD_BRAKE};
+    double driving = 0.0, braking = 0.0;
 
     if (!t->settings->torque_sign_counts || !wrcd_torques_contradict(t, axle))
         return fabs(wrcd_total_of(t, WRCD_TORQUE, axle) + wrcd_total_of(t, WRCD_BRAKE, axle));
-    wrcd_torques_of(t, axle, torque, &driving, &braking);
+    for (int k = 0; k < 2; k++)
+        for (const wrcd_input *i = input_of(t, OF[k], axle); i != NULL; i = next_of(t, i)) {
+            driving += fmax(state_of(t, i)->value, 0.0);
+            braking += fmin(state_of(t, i)->value, 0.0);
+        }
     return fmax(driving, -braking);
 }
 
