@@ -82,8 +82,7 @@ class MappedStatus:
     def __init__(self, message: Message, rule: StatusRule, is_kept: bool = False) -> None:
         signal, length = find_signal(message, rule.signal), frame_length(message)
         self.rule, self.is_kept = rule, is_kept
-        self.field = Field(signal, length)
-        self.branch = Branch(message, signal, length)
+        self.field, self.branch = Field(signal, length), Branch(message, signal, length)
         self.ok, self.degraded = self._bits(rule.ok), self._bits(rule.degraded)
         stated_ms = timeout_ms(message, signal) if is_kept else 0
         self.timeout_us = rule.timeout_us or 1000 * (stated_ms or DEFAULT_TIMEOUT_MS)

@@ -1,7 +1,7 @@
 """Which signal carries what, and how: what the configuration says of signals, over what their DBC says."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 
 from wrcd.bus.units import Quantity
 
@@ -29,6 +29,7 @@ class Source:
     signal: str
     quantity: Quantity
     axles: tuple[int, ...]
+    _: KW_ONLY
     scale: float | None = None
     offset: float | None = None
     factor: float | None = None

@@ -137,7 +137,7 @@ def _resolved(
     mapped = []
     for s in stated:
         with s.table.collected():
-            of_group = any(other.pgn for other in stated if other.message == s.message)
+            of_group = any(other.given.pgn for other in stated if other.message == s.message)
             found = resolve(s, database, design, rules[s.message].get(s.signal, ()), of_group)
             if found is not None:
                 check_pace(s, database, design, train.warnings)

@@ -1,7 +1,15 @@
-"""Every key of the configuration, by table. The parser reads by these; the docs' tables are made from them."""
+"""Every key of the configuration, by table. The parser reads by these; the docs' tables are made from them.
+
+A new key of an input begins here: among the keys below "one input", and under the same name in Given. A field of that
+name in Source (wrcd/bus/signals.py) has its value; one that the DBC or the design has a say in is resolved in
+wrcd/config/input_mapping.py. A member of that name in WRCD_INPUT (wrcd/core/c/wrcd.h) has it, too, and frames.c does
+with each value what it says; or wrcd/bus/mapping.py, once for all. sim_ecu/play/mapped_message.py does its inverse.
+A new quantity begins in wrcd/core/c/inputs.c.
+"""
 
 import math
 from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 from wrcd.bus.units import Quantity
 from wrcd.config.keys import (
@@ -11,6 +19,7 @@ from wrcd.config.keys import (
     Interval,
     Key,
     Number,
+    RawNames,
     RawValue,
     RawValues,
     Sign,
@@ -19,6 +28,7 @@ from wrcd.config.keys import (
     Text,
     Whole,
 )
+from wrcd.config.section import Section
 from wrcd.core.terms import MAX_AXLES
 from wrcd.core.vocabulary import MESSAGES, Numeric, Words, snake
 from wrcd.resources import DEFAULT_DESIGN
@@ -114,6 +124,34 @@ PLAIN_INPUT: tuple[Key, ...] = (
 SIGNED_INPUT: tuple[Key, ...] = (SIGNAL, SIGN, *PLAIN_INPUT[1:])
 TORQUE_INPUT: tuple[Key, ...] = (*SIGNED_INPUT, AT, GEAR_RATIO, SHARE)
 DIRECTION_INPUT: tuple[Key, ...] = (*SIGNED_INPUT, REVERSE)
+
+
+class Given(NamedTuple):
+    """What a configuration says of one input by the keys of these names. None: as the DBC says."""
+
+    sign: int
+    unit: str | None
+    scale: float | None
+    offset: float | None
+    range: tuple[float, float] | None
+    timeout_ms: int | None
+    invalid: RawNames | None
+    pgn: bool
+    at: str
+    gear_ratio: float | None
+    share: float
+    reverse: RawNames | None
+
+
+def given_by(table: Section) -> tuple[Given, frozenset[str]]:
+    """Read these keys of an input's table. Returns the names of those with a mistake, too, which is collected."""
+    keys, found, wrong = {key.name: key for key in (*TORQUE_INPUT, *DIRECTION_INPUT)}, list[Any](), list[str]()
+    for name in Given._fields:
+        before = table.mistakes
+        found.append(keys[name].read(table))
+        wrong += [name] * (table.mistakes > before)
+    return Given(*found), frozenset(wrong)
+
 
 # --- one message that is sent, and its signals
 MESSAGE = Text("message", "its name in the DBC")

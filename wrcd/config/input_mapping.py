@@ -40,28 +40,19 @@ def resolve(
         check_readable(message, signal)
     except ValueError as e:
         raise s.table.error(str(e), key) from None
-    if s.pgn and not message.is_extended_frame:
+    if s.given.pgn and not message.is_extended_frame:
         raise s.table.error(f"{s.message} has a standard id, which is of no parameter group", declared.PGN.name)
     if s.wrong:
         return None
     to_si = _factor(s, signal, design)
     low, high = physical_range(s, message, signal, to_si, design)
-    source = Source(
-        s.message,
-        s.signal,
-        s.quantity,
-        s.axles,
-        scale=s.scale,
-        offset=s.offset,
-        factor=to_si if _is_own(s) else None,
-        low=low,
-        high=high,
-        invalid=raw_values(s.table, declared.INVALID.name, signal, s.invalid),
-        statuses=statuses,
-        reverse=_reverse(s, signal),
-        part=s.part,
-        pgn=pgn and message.is_extended_frame,
-    )
+    resolved = {
+        "factor": to_si if _is_own(s) else None, "low": low, "high": high, "statuses": statuses,
+        "invalid": raw_values(s.table, declared.INVALID.name, signal, s.given.invalid or ()),
+        "reverse": _reverse(s, signal), "pgn": pgn and message.is_extended_frame,
+    }  # fmt: skip
+    as_given = {name: value for name, value in s.given._asdict().items() if name in Source.__slots__}
+    source = Source(s.message, s.signal, s.quantity, s.axles, part=s.part, **(as_given | resolved))
     return Input(source, _timeout_us(s, message, signal, design))
 
 
@@ -96,21 +87,21 @@ def check_readable(message: Message, signal: Signal) -> None:
 
 def _factor(s: Statement, signal: Signal, design: Design) -> float:
     """From the signal's unit to SI units at the axle."""
-    unit = signal.unit if s.unit is None else s.unit
-    to_si = _at_rim(s, unit) * design.r_0 if s.at == "rim" else _to_si(s, unit)
-    return to_si * s.sign * (s.gear_ratio or 1.0) * s.share
+    unit = signal.unit if s.given.unit is None else s.given.unit
+    to_si = _at_rim(s, unit) * design.r_0 if s.given.at == "rim" else _to_si(s, unit)
+    return to_si * s.given.sign * (s.given.gear_ratio or 1.0) * s.given.share
 
 
 def _is_own(s: Statement) -> bool:
     """Whether the configuration says more of the factor than the DBC's unit."""
-    return s.unit is not None or s.sign != 1 or s.at != "axle" or s.share != 1.0
+    return s.given.unit is not None or s.given.sign != 1 or s.given.at != "axle" or s.given.share != 1.0
 
 
 def _to_si(s: Statement, unit: str | None) -> float:
     try:
         return factor(unit, s.quantity)
     except ValueError as e:
-        if s.unit is not None:
+        if s.given.unit is not None:
             raise s.table.error(str(e), declared.UNIT.name) from None
         hint = "" if s.quantity not in TORQUES else ', or at = "rim" for a force'
         what = str(e) if unit else "the DBC states no unit" + str(e)[str(e).rindex(" (known") :]
@@ -122,7 +113,7 @@ def _to_si(s: Statement, unit: str | None) -> float:
 
 
 def _at_rim(s: Statement, unit: str | None) -> float:
-    key = declared.SIGNAL.name if s.unit is None else declared.UNIT.name
+    key = declared.SIGNAL.name if s.given.unit is None else declared.UNIT.name
     try:
         return factor(unit, Quantity.AXLE_LOAD)
     except ValueError as e:
@@ -133,8 +124,8 @@ def _reverse(s: Statement, signal: Signal) -> frozenset[int] | None:
     """The raw values of a direction that mean reverse; None: by the DBC's words, or by the sign where it has none."""
     if s.quantity is not Quantity.DIRECTION:
         return None
-    if s.reverse is not None:
-        return raw_values(s.table, declared.REVERSE.name, signal, s.reverse)
+    if s.given.reverse is not None:
+        return raw_values(s.table, declared.REVERSE.name, signal, s.given.reverse)
     known = words(signal).values()
     if known and not any(is_reverse(word) for word in known):
         raise s.table.error(
@@ -153,8 +144,8 @@ def _reverse(s: Statement, signal: Signal) -> frozenset[int] | None:
 
 def _has_two_signs(s: Statement, signal: Signal) -> bool:
     """Whether a signal's field reaches below 0 and above it."""
-    scale = signal.scale if s.scale is None else s.scale
-    offset = signal.offset if s.offset is None else s.offset
+    scale = signal.scale if s.given.scale is None else s.given.scale
+    offset = signal.offset if s.given.offset is None else s.given.offset
     low, high = sorted(raw * scale + offset for raw in span(signal))
     return signal.is_float or low < 0 < high
 
@@ -168,7 +159,7 @@ def _timeout_us(s: Statement, message: Message, signal: Signal, design: Design) 
         cycle = cycle_ms(message)
         stated = timeout_ms(message, signal) or DEFAULT_TIMEOUT_MS
     except ValueError as e:
-        if s.timeout_ms is None:
+        if s.given.timeout_ms is None:
             raise s.table.error(
                 str(e), declared.SIGNAL.name, f"mend the DBC, or {s.table.line(**{key: TO_FILL_IN})}"
             ) from None
@@ -181,13 +172,15 @@ def _timeout_us(s: Statement, message: Message, signal: Signal, design: Design) 
             "a faster sensor, or a design of that tick by `sim-ecu design`",
         )
     most_us = round(STALE_TICKS * design.tick_s * 1e6)
-    if s.timeout_ms is None:
+    if s.given.timeout_ms is None:
         return most_us if measured else 1000 * stated
-    if measured and 1000 * s.timeout_ms > most_us:
-        raise s.table.error(f"{s.timeout_ms} ms is longer than three ticks of the design, {most_us / 1000:g} ms", key)
-    if cycle is not None and s.timeout_ms <= cycle:
-        raise s.table.error(f"{s.timeout_ms} ms is not longer than the cycle of {s.message}, {cycle} ms", key)
-    return 1000 * s.timeout_ms
+    if measured and 1000 * s.given.timeout_ms > most_us:
+        raise s.table.error(
+            f"{s.given.timeout_ms} ms is longer than three ticks of the design, {most_us / 1000:g} ms", key
+        )
+    if cycle is not None and s.given.timeout_ms <= cycle:
+        raise s.table.error(f"{s.given.timeout_ms} ms is not longer than the cycle of {s.message}, {cycle} ms", key)
+    return 1000 * s.given.timeout_ms
 
 
 YAW_RAD_S, LAT_M_S2 = 0.35, 20.0  # what a wheelset that hunts reaches: 20 deg/s, 2 g
@@ -202,15 +195,15 @@ def physical_range(
 
     Raises InputError for one of the DBC's that shuts out most raw values, and values that a train reaches.
     """
-    scale = float(signal.scale if s.scale is None else s.scale)
-    offset = float(signal.offset if s.offset is None else s.offset)
-    own_scale = s.scale is not None or s.offset is not None
-    low, high = s.range or (signal.minimum, signal.maximum)
-    if s.range is None and own_scale:
+    scale = float(signal.scale if s.given.scale is None else s.given.scale)
+    offset = float(signal.offset if s.given.offset is None else s.given.offset)
+    own_scale = s.given.scale is not None or s.given.offset is not None
+    low, high = s.given.range or (signal.minimum, signal.maximum)
+    if s.given.range is None and own_scale:
         # the DBC's range is in its own unit: of the same raw values
         ends = [None if x is None else float((x - signal.offset) / signal.scale * scale + offset) for x in (low, high)]
         low, high = ends if scale * signal.scale > 0 else ends[::-1]
-    given = (low, high) if s.range or own_scale else (None, None)
+    given = (low, high) if s.given.range or own_scale else (None, None)
     if signal.is_float or s.quantity is Quantity.DIRECTION:
         return given
     if low is not None and high is not None and low > high:
@@ -221,7 +214,7 @@ def physical_range(
         )
     lowest, highest = span(signal)
     share = _inside(signal, scale, offset, low, high) / (highest - lowest + 1)
-    if s.range is not None:
+    if s.given.range is not None:
         if not share:
             raise s.table.error(
                 f"no raw value of {s.message}.{s.signal} lies within {low:g} … {high:g}", declared.RANGE.name
@@ -242,7 +235,7 @@ def physical_range(
 
 def _needed(s: Statement, signal: Signal, d: Design) -> tuple[float, float]:
     """What a train reaches of a quantity, in SI units. A torque that is never negative drives or brakes only."""
-    torque = MU * 2 * d.normal_N * d.r_0 * s.share
+    torque = MU * 2 * d.normal_N * d.r_0 * s.given.share
     load, radius = 2 * d.normal_N, d.r_0
     return {
         Quantity.YAW_RATE: (-YAW_RAD_S, YAW_RAD_S),

@@ -13,6 +13,7 @@ from wrcd.config.section import Section, shown, suggest
 from wrcd.errors import InputError
 
 MESSAGE_SIGNAL = r"^[^.]+\.[^.]+$"
+RawNames: TypeAlias = tuple[int | str, ...]  # raw values, or words of a value table
 T = TypeVar("T")
 
 
@@ -190,10 +191,10 @@ class RawValue(KeyOf[int | str]):
         return self.refuse(section, f"takes a whole number or a word, not {shown(value)}")
 
 
-class RawValues(KeyOf[tuple[int | str, ...]]):
+class RawValues(KeyOf[RawNames]):
     """Several of them."""
 
-    def read(self, section: Section) -> tuple[int | str, ...] | None:
+    def read(self, section: Section) -> RawNames | None:
         """The values."""
         value = section.raw(self.name)
         if value is None:

@@ -7,7 +7,7 @@ from wrcd.bus.dbc import DATA_ID, PROFILE, Database, Message, attribute, data_id
 from wrcd.bus.positions import frame_length, position
 from wrcd.bus.units import Quantity
 from wrcd.config import declared
-from wrcd.config.keys import names
+from wrcd.config.keys import RawNames, names
 from wrcd.config.section import TO_FILL_IN, Section, shown
 
 AXLE_QUANTITIES = (
@@ -27,21 +27,19 @@ KEYS = dict.fromkeys((Quantity.AXLE_LOAD, Quantity.WHEEL_RADIUS), declared.PLAIN
     Quantity.BRAKE_TORQUE: declared.TORQUE_INPUT,
 }
 
-Values = tuple[int | str, ...]  # raw ones, or words of a value table
-
 
 class StatusStatement(NamedTuple):
     """Which signal says whether the sender is well, and by which values. None: by the words of its value table."""
 
     message: str
     signal: str
-    ok: Values | None
-    degraded: Values | None
+    ok: RawNames | None
+    degraded: RawNames | None
     timeout_ms: int | None
 
 
 class Statement(NamedTuple):
-    """One signal that carries a quantity, or a part of it, as the configuration says. None: as the DBC says."""
+    """One signal that carries a quantity, or a part of it, as the configuration says."""
 
     table: Section  # for errors
     quantity: Quantity
@@ -49,22 +47,11 @@ class Statement(NamedTuple):
     part: int
     message: str
     signal: str
-    sign: int
-    unit: str | None
-    scale: float | None
-    offset: float | None
-    range: tuple[float, float] | None
-    timeout_ms: int | None
-    invalid: Values
+    given: declared.Given
     status: StatusStatement | None
     status_off: bool  # the message has a status that is not to count
     e2e: str | None
     data_id: int | None
-    at: str
-    gear_ratio: float | None
-    share: float
-    reverse: Values | None
-    pgn: bool
     wrong: bool  # a value is, and that is reported already: what depends on it is not looked at
     status_wrong: bool  # the same of those of its status
     protection_wrong: bool
@@ -100,10 +87,9 @@ def _statement(table: Section, q: Quantity, axles: tuple[int, ...], part: int) -
             if key.name in table:
                 table.refuse("says nothing without a status", key.name, table.line(status="Message.Signal"))
     status_wrong, before = table.mistakes > before, table.mistakes
-    at = declared.AT.value(table)
-    gear_ratio = declared.GEAR_RATIO.read(table)
-    if table.mistakes == before:
-        _check_gear(table, at, gear_ratio)
+    given, wrong = declared.given_by(table)
+    if not wrong & {declared.AT.name, declared.GEAR_RATIO.name}:
+        _check_gear(table, given.at, given.gear_ratio)
     return Statement(
         table=table,
         quantity=q,
@@ -111,22 +97,11 @@ def _statement(table: Section, q: Quantity, axles: tuple[int, ...], part: int) -
         part=part,
         message=message,
         signal=signal,
-        sign=declared.SIGN.read(table),
-        unit=declared.UNIT.read(table),
-        scale=declared.SCALE.read(table),
-        offset=declared.OFFSET.read(table),
-        range=declared.RANGE.read(table),
-        timeout_ms=declared.TIMEOUT.read(table),
-        invalid=declared.INVALID.read(table) or (),
+        given=given,
         status=status,
         status_off=status_off,
         e2e=e2e,
         data_id=data_id,
-        at=at,
-        gear_ratio=gear_ratio,
-        share=declared.SHARE.value(table),
-        reverse=declared.REVERSE.read(table),
-        pgn=declared.PGN.value(table),
         wrong=table.mistakes > before,
         status_wrong=status_wrong,
         protection_wrong=protection_wrong,

@@ -133,12 +133,12 @@ def _message(rows: _Rows, m: MappedMessage) -> dict[str, Any]:
 
 def _input(rows: _Rows, s: MappedSignal, i: Input, rules: Sequence[int]) -> dict[str, Any]:
     quantity = QUANTITIES.index(s.source.quantity)
-    return {
+    said = {name: getattr(s, name, getattr(s.source, name, None)) for name in layouts()["input"].names or ()}
+    return {name: value for name, value in said.items() if value is not None} | {
         **_field(s.field), **rows.conditioned(s.branch), **rows.numbered("unusable", sorted(s.unusable)),
-        **rows.reversing(s), **rows.ruled("rules", rules), "scale": s.scale, "offset": s.offset, "factor": s.factor,
-        "low": s.low, "high": s.high, "limit": s.source.quantity.limit, "first_end": s.ends[0], "last_end": s.ends[1],
-        "max_step": MAX_STEP.get(quantity, 0.0), "timeout_us": i.timeout_us, "quantity": quantity,
-        "axles": sum(1 << axle for axle in s.source.axles), "only_words": s.only_words,
+        **rows.reversing(s), **rows.ruled("rules", rules), "limit": s.source.quantity.limit, "first_end": s.ends[0],
+        "last_end": s.ends[1], "max_step": MAX_STEP.get(quantity, 0.0), "timeout_us": i.timeout_us,
+        "quantity": quantity, "axles": sum(1 << axle for axle in s.source.axles),
     }  # fmt: skip
 
 

@@ -3,7 +3,7 @@
 import functools
 import itertools
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -91,7 +91,21 @@ def mapped(**changes: Any) -> Config:
         (Source("Imu1", "Side", Q.LAT_ACCEL, (0,), statuses=()), 15),
         # a scale and an offset of its own, in a unit that the DBC does not say
         (Source("Imu2", "Turn", Q.YAW_RATE, (1,), statuses=health), 15),
-        (Source("Imu2", "Side", Q.LAT_ACCEL, (1,), 2e-5, 0.1, 1.0, -80.0, 80.0, statuses=health), 15),
+        (
+            Source(
+                "Imu2",
+                "Side",
+                Q.LAT_ACCEL,
+                (1,),
+                scale=2e-5,
+                offset=0.1,
+                factor=1.0,
+                low=-80.0,
+                high=80.0,
+                statuses=health,
+            ),
+            15,
+        ),
         # motor torque through a gear; one friction brake for both axles, half of it each, positive when it brakes
         (Source("Effort", "Motor1", Q.TORQUE, (0,), factor=4600.0), 30),
         (Source("Effort", "Motor2", Q.TORQUE, (1,), factor=4600.0), 30),
@@ -241,6 +255,46 @@ def test_axle_that_does_not_run_leaves_its_signals_at_their_start() -> None:
 
 
 # --- the daemon with the same file
+
+
+TURN, HELD_RAD_S = Source("Imu1", "Turn", Q.YAW_RATE, (0,)), 3.0 * 3.141592653589793 / 180
+# Of each field of a Source one that it changes, or two that add up.
+CASES: dict[str, tuple[Source, ...]] = {
+    "message": (replace(TURN, message="Imu2"),),
+    "signal": (replace(TURN, signal="Side", factor=0.1),),
+    "quantity": (Source("Imu1", "Side", Q.LAT_ACCEL, (0,)),),
+    "axles": (replace(TURN, axles=(1,)),),
+    "scale": (replace(TURN, scale=0.002),),
+    "offset": (replace(TURN, offset=-20.0),),
+    "factor": (replace(TURN, factor=-0.02),),
+    "low": (replace(TURN, scale=-0.005, low=-3.0, factor=-HELD_RAD_S / 3.0),),
+    "high": (replace(TURN, high=3.0),),
+    "invalid": (replace(TURN, invalid=frozenset({1145, 1146, 1147})),),
+    "statuses": (replace(TURN, statuses=(StatusRule("Health2", "Imu", frozenset({5}), frozenset()),)),),
+    "reverse": (Source("Train", "Way", Q.DIRECTION, (0, 1), reverse=frozenset({2})),),
+    "part": (
+        Source("Effort", "Motor1", Q.TORQUE, (0,), factor=4600.0),
+        Source("Brakes", "Bogie", Q.TORQUE, (0,), factor=-500.0, part=1),
+    ),
+    "pgn": (replace(TURN, pgn=True),),
+}
+SAID = {Q.YAW_RATE: (0.1, -0.02), Q.LAT_ACCEL: (-0.5, 0.25), Q.TORQUE: (-10_000.0, -5_000.0), Q.DIRECTION: (1.0, 1.0)}
+
+
+@pytest.mark.parametrize("name", [f.name for f in fields(Source)])
+def test_core_reads_what_the_rig_writes_by_every_field(name: str) -> None:
+    sources = CASES[name]
+    assert any(getattr(s, name) != getattr(TURN, name) for s in sources)
+    config = replace(mapped(), inputs=tuple(Input(s, 15_000) for s in sources))
+    receiver, newest, refused = Receiver(config.database, sources, config.data_ids), dict[int, float](), 0
+    for f in sent([sample(k, (-10_000.0, -5_000.0)) for k in range(1, 41)], config=config):
+        can_id = f.can_id ^ 0xFF if name == "pgn" else f.can_id  # another sender
+        values = receiver.read(Frame(f.due_us, can_id, f.data, extended=f.extended, fd=f.fd))
+        newest |= {v.source: v.value for v in values} if isinstance(values, list) else {}
+        refused += not isinstance(values, list)
+    expected = HELD_RAD_S if name in ("low", "high") else SAID[sources[0].quantity][sources[0].axles[0]]
+    assert sum(newest.values()) == pytest.approx(expected, rel=0.01)
+    assert (len(newest), refused) == (len(sources), name == "statuses")  # the first comes before its status
 
 
 def valid(config: Config, spoken: Train, scenario: Scenario) -> list[dict[int, float]]:

@@ -240,7 +240,7 @@ def _finding(mappings: Sequence[Statement], i: Input, units: Mapping[float, str]
     (mapping,) = (
         m for m in mappings if (m.quantity, m.axles, m.part, m.signal) == (s.quantity, s.axles, s.part, s.signal)
     )
-    if mapping.at == "rim":  # of a force
+    if mapping.given.at == "rim":  # of a force
         units = {times: unit.removesuffix("m") for times, unit in units.items()}
     each = " or ".join(
         f"in {unit}, {times:.3g} times too small" if times > 1.0 else f"in {unit}, {1 / times:.3g} times too large"
