@@ -1,8 +1,9 @@
 """The states of an axle, and why it is not Valid: one list for the bus, the log and a replay.
 
 Which of them applies is decided in wrcd/core/c/validity.c. A new cause has its number here, in wrcd/core/c/wrcd.h and
-in the DBC; when it holds and what it comes behind in validity.c; its figures in events.c, its words in details.py; rows
-in docs/reference/validity.md and what-a-controller-does.md. A DBC of others whose table lacks its word is refused.
+in the DBC, and what it is about here; when it holds and what it comes behind in validity.c; its figures in events.c,
+its words in details.py; rows in docs/reference/validity.md and what-a-controller-does.md. A DBC of others whose table
+lacks its word is refused.
 """
 
 from enum import IntEnum, StrEnum
@@ -67,4 +68,11 @@ class Cause(IntEnum):
         return "".join(word.capitalize() for word in self.name.split("_"))
 
 
+# What a cause is about, for those who judge a train, a bus or a log by them.
+OF_RIDE = (Cause.WARMING_UP, Cause.STANDSTILL)
+OF_ARRIVAL = (Cause.INPUT_SILENT, Cause.INPUT_STALE)
+OF_SENDER = (Cause.TWO_SENDERS, Cause.SENSOR_DEGRADED)
+OF_PAIR = tuple(Cause)[Cause.SENSORS_SILENT : Cause.GYRO_DEAD + 1]
+OF_SENSOR = (*OF_PAIR, Cause.UNCHANGED, Cause.TORQUES_CONTRADICT)  # they accuse one, or its mounting
+OF_ESTIMATE = (Cause.RESTARTED, *tuple(Cause)[Cause.TOO_LITTLE_DATA : Cause.CONTRADICTION + 1])
 RESERVED = frozenset((Cause.WHEELSET_UNLIKE,))  # numbers and names that others know, and that nothing gives any more

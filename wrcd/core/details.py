@@ -9,7 +9,7 @@ from typing import Any
 
 from wrcd.bus.mapping import Mapped
 from wrcd.bus.reasons import Reason
-from wrcd.core.causes import Cause
+from wrcd.core.causes import OF_PAIR, Cause
 from wrcd.core.configuration import LOAD_SHARES, RADIUS_SHARES, Config
 from wrcd.core.tables import BRAKE, LAT, LOAD, QUANTITIES, RADIUS, SPEED, TORQUE, YAW, silent_us
 from wrcd.core.terms import HARSH_SHARE, MAX_JUMP, MIN_FIRING, MIN_M, MODELS, EstimateDoubt, PairState
@@ -19,9 +19,6 @@ NEVER = -(1 << 60)
 _OWN, _KNOWN, _ESTIMATE = range(3)  # whose figures a change has
 _CAUSES = tuple(Cause)  # by their number
 _REASONS = ("", *(r.value for r in Reason))
-_OF_PAIR = (
-    Cause.SENSORS_SILENT, Cause.GYRO_REVERSED, Cause.SENSORS_UNRELATED, Cause.ACCEL_SMALL, Cause.GYRO_DEAD
-)  # fmt: skip
 Event = Any  # a record
 
 
@@ -37,7 +34,7 @@ class Details:
             Cause.SPEED_OUT_OF_RANGE: self._speed, Cause.FRICTION_SHARE_UNKNOWN: self._friction,
             Cause.LOAD_BEYOND: self._load, Cause.RADIUS_BEYOND: self._radius, Cause.TORQUES_CONTRADICT: self._against,
             Cause.STANDSTILL: self._standstill, Cause.WARMING_UP: self._warming_up, Cause.RESTARTED: self._restarted,
-            **dict.fromkeys(_OF_PAIR, self._pair),
+            **dict.fromkeys(OF_PAIR, self._pair),
         }  # fmt: skip
 
     def of(self, change: Event, known: Event | None) -> str:

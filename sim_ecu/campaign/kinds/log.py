@@ -10,7 +10,7 @@ import numpy as np
 from sim_ecu.campaign.kind import Factor, Kind, Scalar
 from sim_ecu.campaign.kinds.given import named_by
 from wrcd.config.config import load_config
-from wrcd.core.causes import RESERVED, Cause, Validity
+from wrcd.core.causes import OF_ARRIVAL, OF_SENDER, OF_SENSOR, RESERVED, Cause, Validity
 from wrcd.core.vocabulary import SURFACES, snake
 from wrcd.errors import InputError
 from wrcd.logs.mapped_inputs import MAX_HOLD_US
@@ -21,12 +21,8 @@ from wrcd.logs.story_records import Event, Story, StoryAxle, newest_values
 CLASSES = (*(snake(name) for _, name in SURFACES), "not_valid")  # the most slippery last but one
 LOWS = np.array(sorted(low for low, _ in SURFACES))[1:]  # from which the next better one begins
 CAUSES = {c: f"cause_{snake(c.label)}" for c in Cause if c is not Cause.NONE and c not in RESERVED}
-# Causes that name a sensor, its wiring or its sender (the rest are of the ride or of the estimate), and for how long in
-# all one must have held.
-SUSPICIOUS_S = dict.fromkeys(
-    (Cause.SENSORS_SILENT, Cause.GYRO_REVERSED, Cause.GYRO_DEAD, Cause.SENSORS_UNRELATED, Cause.ACCEL_SMALL,
-     Cause.TORQUES_CONTRADICT, Cause.SENSOR_DEGRADED, Cause.TWO_SENDERS, Cause.UNCHANGED), 0.0,
-) | {Cause.INPUT_SILENT: 1.0, Cause.INPUT_STALE: 1.0}  # fmt: skip
+# Causes that name a sensor, its wiring or its sender, and for how long in all one must have held.
+SUSPICIOUS_S = dict.fromkeys((*OF_SENSOR, *OF_SENDER), 0.0) | dict.fromkeys(OF_ARRIVAL, 1.0)
 MIN_REFUSED_SHARE = 0.01  # of a message's frames
 KILOMETRE = 1000.0
 SHARES = {v: snake(v) for v in (Validity.VALID, Validity.DEGRADED, Validity.NOT_AVAILABLE)}

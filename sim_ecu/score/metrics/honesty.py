@@ -10,14 +10,12 @@ from sim_ecu.reporting.values import Figure
 from sim_ecu.score.metrics import bootstrap
 from sim_ecu.score.metrics.accuracy import OURS, VALID, JudgedFrames, period_s, valid
 from sim_ecu.score.score_play import Trace
+from wrcd.core.causes import OF_SENSOR
 from wrcd.core.vocabulary import CONFIDENCES
 
 FOUND_S = 0.5  # of a run's end: what is not Valid all that time has been found out
 LOW_SURFACES = ("Low", "VeryLow")
-# Causes that blame a sensor.
-ACCUSING = (
-    "SensorsSilent", "Unchanged", "GyroReversed", "SensorsUnrelated", "AccelSmall", "GyroDead", "TorquesContradict",
-)  # fmt: skip
+ACCUSING = tuple(c.label for c in OF_SENSOR)
 
 
 def not_valid(f: JudgedFrames) -> dict[str, Any]:

@@ -7,16 +7,14 @@ from dataclasses import dataclass
 from wrcd.bus.dbc import find_message
 from wrcd.bus.frame import counted_ids, id_text
 from wrcd.bus.units import Quantity
-from wrcd.core.causes import Cause, Validity
+from wrcd.core.causes import OF_ESTIMATE, OF_PAIR, OF_RIDE, Cause, Validity
 from wrcd.core.coarse_sensors import cost_of_step
 from wrcd.core.configuration import Config
 from wrcd.dbc.bus_check.input_figures import Gathered, SignalFigures
 from wrcd.dbc.bus_check.signs import Fit
 from wrcd.logs.story_records import Spells
 
-OF_COURSE = (Cause.WARMING_UP, Cause.STANDSTILL)  # no fault of bus or configuration
-# What a sound bus gives in places, too: a doubt of a pair of sensors or of an estimate, a start anew.
-OF_PLACES = frozenset((Cause.RESTARTED, *range(Cause.SENSORS_SILENT, Cause.CONTRADICTION + 1)))
+OF_PLACES = (*OF_PAIR, *OF_ESTIMATE)  # what a sound bus gives in places, too: doubts, a start anew
 MAX_SHARE, MAX_SHARE_OF_PLACES, MIN_SHARE = 0.01, 0.1, 0.005
 START_S = 0.1  # until every input has come for the first time
 MAX_CYCLE_ERROR = 0.1
@@ -87,7 +85,7 @@ def _spells(config: Config, gathered: Gathered, spells: Mapping[int, Spells]) ->
         begun = s.events[0] if s.events and s.events[0].duration_s < START_S else None
         for cause, share in s.shares.items():
             later = share - begun.duration_s / s.known_s if begun and begun.cause is cause else share
-            if cause in OF_COURSE or not cause or later < MIN_SHARE:
+            if cause in OF_RIDE or not cause or later < MIN_SHARE:
                 continue
             stops = share >= (MAX_SHARE_OF_PLACES if cause in OF_PLACES else MAX_SHARE)
             also = "; a speed in a wrong unit looks the same" if cause is Cause.ACCEL_SMALL else ""
