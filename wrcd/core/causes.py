@@ -1,9 +1,9 @@
 """The states of an axle, and why it is not Valid: one list for the bus, the log and a replay.
 
 Which of them applies is decided in wrcd/core/c/validity.c. A new cause has its number here, in wrcd/core/c/wrcd.h and
-in the DBC, and what it is about here; when it holds and what it comes behind in validity.c; its figures in events.c,
-its words in details.py; rows in docs/reference/validity.md and what-a-controller-does.md. A DBC of others whose table
-lacks its word is refused.
+in the DBC, and what it is about here; when it holds and what it comes behind in validity.c; if it has figures, they in
+events.c and their words in details.py; rows in docs/reference/validity.md and what-a-controller-does.md, and the number
+of causes in README.md. A DBC of others whose table lacks its word is refused.
 """
 
 from enum import IntEnum, StrEnum

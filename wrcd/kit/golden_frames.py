@@ -60,7 +60,8 @@ class _MessageOfTrack:
             s.rule.signal: fit_raw(find_signal(message, s.rule.signal), min(s.rule.ok or s.rule.degraded))
             for s in statuses
         }
-        choices = [branch.example for branch in (*(s.branch for s in m.signals), *(s.branch for s in statuses))]
+        branches = [*(s.branch for s in m.signals), *(s.branch for s in statuses)]
+        choices = [{name: min(ids) for name, _, ids in branch.conditions} for branch in branches]
         self._choices = [c for k, c in enumerate(choices) if c not in choices[:k]]
         after_us = min([config.inputs[s.number].timeout_us for s in m.signals] + [s.timeout_us for s in statuses])
         self.is_protected = m.data_id is not None
