@@ -42,7 +42,7 @@ _SIGNATURES: tuple[tuple[str, Any, *tuple[Any, ...]], ...] = (
     ("wrcd_core_begin", None, _pointer),
     ("wrcd_feed", _long, _pointer, _pointer, _text, _long, _long, _long),
     ("wrcd_advance", _int, _pointer, _pointer, _long),
-    ("wrcd_shutdown", None, _pointer, _pointer, _long),
+    ("wrcd_shutdown", _int, _pointer, _pointer, _long),
     ("wrcd_next_slot_us", _long, _pointer),
     ("wrcd_read", _long, _pointer, _text, _long, _long, _int, _pointer, _pointer),
     ("wrcd_forget_senders", None, _pointer),

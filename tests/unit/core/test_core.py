@@ -21,6 +21,8 @@ from tests.support.sensor_simulator import MS, SensorSimulator, until_ms, validi
 from wrcd.bus.dbc import find_message
 from wrcd.bus.e2e import protect
 from wrcd.bus.frame import Frame
+from wrcd.core.state import OUT, Buffers
+from wrcd.native import library
 
 
 def test_axle_is_valid_after_one_full_window(sim: SensorSimulator) -> None:
@@ -80,6 +82,15 @@ def test_shutdown_frames_are_not_available_and_stopping_with_new_counters(sim: S
         assert isinstance(decoded, dict)
         assert str(decoded[signal]) == word
     assert (last[0].data[1] - sent.data[1]) & 0x0F in (1, 2)
+
+
+def test_last_frames_are_made_where_there_is_room_alone(sim: SensorSimulator) -> None:
+    train, out = sim.core._train.pointer, Buffers(dict.fromkeys(OUT, 0) | {"made": 14})
+    assert library().wrcd_shutdown(train, out.pointer, sim.t) == 0
+    assert out.take() == {}
+    out = Buffers(dict.fromkeys(OUT, 0) | {"made": 15})
+    assert library().wrcd_shutdown(train, out.pointer, sim.t) == 1
+    assert len(out.take()["made"]) == 5
 
 
 @pytest.mark.parametrize("step_ms", [-3_600_000, -50, 2_000, 86_400_000])

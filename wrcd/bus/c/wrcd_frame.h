@@ -4,18 +4,17 @@
 
 #include <stdint.h>
 
+/* Flags; a core looks at FD alone. */
 enum { WRCD_CONFIRM = 1, /* one of ours has left */ WRCD_UNSTAMPED = 2 /* the kernel gave no time stamp */, WRCD_FD = 4 };
 
 typedef struct {
     int64_t stamp_us; /* since 1970, truncated */
-    uint32_t word;    /* the id, and the kernel's CAN_EFF_FLAG, CAN_RTR_FLAG, CAN_ERR_FLAG */
+    uint32_t word;    /* the id, as the kernel's: + 0x80000000 of 29 bits, + 0x40000000 remote, + 0x20000000 error */
     uint8_t length;   /* of a remote frame what it asks for */
     uint8_t flags;
     uint16_t cause;   /* of one that is sent: why its axle is not Valid; else 0 */
     uint8_t data[8];   /* 0 behind the length */
 } wrcd_frame;
-
-_Static_assert(sizeof(wrcd_frame) == 24, "a record of the recorder's ring, too");
 
 /* The same with as many bytes of data as a record of it has room for: 8, or 64 where CAN FD is among them. */
 typedef struct {

@@ -51,6 +51,8 @@ bool wrcd_e2e_suspect(const wrcd_message_state *m);
 void wrcd_e2e_reset(wrcd_message_state *m);
 
 /* plausibility.c */
+/* The repeats after which a sensor is doubted of which such a share of the frames repeats; 0: one so coarse is not watched. */
+int wrcd_repeats_doubted(double share);
 int wrcd_plausible(const wrcd_train *t, const reading *v, int64_t stamp_us);
 bool wrcd_is_unchanged(const wrcd_train *t, int input, int64_t now_us);
 void wrcd_plausibility_reset(wrcd_input_state *s);

@@ -152,7 +152,7 @@ static int step_axle(wrcd_estimator *e, const wrcd_design *d, const bank_matrice
 static void look_back(wrcd_estimator *e, const wrcd_design *d, int64_t ticks)
 {
     const int axles = (int)e->axles;
-    double inputs[WRCD_MAX_AXLES][WRCD_COLUMNS], ratio[WRCD_MAX_AXLES];
+    double inputs[WRCD_MAX_AXLES][WRCD_COLUMNS], ratio[WRCD_MAX_AXLES] = {0.0};
 
     for (int axle = 0; ticks % WRCD_BLOCK_TICKS == 0 && axle < axles; axle++)
         wrcd_memory_changes(e, d, axle);

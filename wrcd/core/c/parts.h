@@ -8,6 +8,10 @@
 
 #include "wrcd_estimator.h"
 
+#if defined __FAST_MATH__ || defined __FINITE_MATH_ONLY__ && __FINITE_MATH_ONLY__
+#error "build without -ffast-math: what is unknown is NaN"
+#endif
+
 enum { MODELS = WRCD_MODELS, CHANNELS = WRCD_CHANNELS, W = WRCD_MODELS * WRCD_CHANNELS, YAW = 0, LAT = 1 };
 
 /* What designs and words in Python go by, too: wrcd_constant() tells it. */

@@ -274,15 +274,18 @@ void wrcd_slot(const wrcd_train *t, wrcd_out *out, int64_t end_us)
 
 /* The last frames: every axle NotAvailable, the daemon stopping. The present slot's frames have gone out: the next counter,
  * or a receiver takes these for repeats. */
-void wrcd_shutdown(const wrcd_train *t, wrcd_out *out, int64_t now_us)
+int wrcd_shutdown(const wrcd_train *t, wrcd_out *out, int64_t now_us)
 {
     double told[WRCD_TOLD_COUNT];
     const wrcd_report nothing = {
         .validity = WRCD_NOT_AVAILABLE, .mu_available_pct = NAN, .mu_used_pct = NAN, .sample_age_ms = OLDEST_MS};
 
+    if (out->counts[WRCD_OUT_MADE] + t->settings->sent > out->most[WRCD_OUT_MADE])
+        return 0;
     tell_daemon(t, told);
     tell_adhesion(&nothing, told);
     for (int k = 0; k < t->settings->sent; k++)
         if (t->sent[k].kind == WRCD_ADHESION || t->sent[k].is_last)
             make(t, out, k, now_us, divided(now_us, t->sent[k].cycle_us) + 1, told);
+    return 1;
 }

@@ -12,6 +12,10 @@
 #include "wrcd_estimator.h"
 #include "wrcd_frame.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #define WRCD_NEVER (-((int64_t)1 << 60))
 
 enum { WRCD_YAW, WRCD_LAT, WRCD_TORQUE, WRCD_SPEED, WRCD_BRAKE, WRCD_LOAD, WRCD_DIRECTION, WRCD_RADIUS, WRCD_QUANTITIES };
@@ -156,7 +160,7 @@ enum { WRCD_ADHESION, WRCD_DETAIL, WRCD_INPUTS_SEEN, WRCD_DAEMON, WRCD_REJECTS }
     F(int32_t, keeps_samples, ) F(int32_t, keeps_ticks, ) F(int32_t, were_reset, /* axles since the newest tick */) \
     F(int32_t, reserved, )
 
-/* A frame that was made; report: its axle's place among the reports, -1: none. */
+/* A frame that was made: of the slot that begins at its stamp; report: its axle's place among the reports, -1: none. */
 #define WRCD_MADE(F)                                                                               \
     F(int64_t, stamp_us, ) F(uint32_t, word, ) F(uint8_t, length, ) F(uint8_t, flags, ) F(uint16_t, cause, ) \
     F(uint8_t, data, [8]) F(int64_t, cycle_us, ) F(int32_t, report, ) F(int32_t, axle, )
@@ -241,18 +245,21 @@ typedef struct {
     wrcd_tick_seen *tick;
 } wrcd_out;
 
-/* Nothing has come yet. */
+/* Nothing has come yet, whatever lay in the state. */
 void wrcd_core_begin(const wrcd_train *t);
-/* Take frames from `first` on, records of `stride` bytes: a wrcd_frame's with as many bytes of data as there is room for.
- * Returns the first that was not taken: none, or one that may bring what there is no room for. */
+/* Take frames from `first` on, records of `stride` bytes at a multiple of 8: a wrcd_frame's with as many bytes of data as there
+ * is room for. Ticks that end before a frame's stamp are closed, as by wrcd_advance(). Returns `frames` where all were taken,
+ * else the first that was not, for which there may be no room: empty `out` and go on from there. */
 int64_t wrcd_feed(const wrcd_train *t, wrcd_out *out, const unsigned char *records, int64_t stride, int64_t first, int64_t frames);
-/* The repeats after which a sensor is doubted of which such a share of the frames repeats; 0: one so coarse is not watched. */
-int wrcd_repeats_doubted(double share);
-/* Time has come so far, and every frame stamped before it has been fed. Returns false where it is to be called again. */
+/* Every frame stamped before now_us has been fed: close the ticks that end by then. Returns 0 where there is no room: empty `out`
+ * and call it again. */
 int wrcd_advance(const wrcd_train *t, wrcd_out *out, int64_t now_us);
-/* The last frames: every axle NotAvailable, the daemon stopping. */
-void wrcd_shutdown(const wrcd_train *t, wrcd_out *out, int64_t now_us);
+/* The last frames: every axle NotAvailable, the daemon stopping. Returns as wrcd_advance(). */
+int wrcd_shutdown(const wrcd_train *t, wrcd_out *out, int64_t now_us);
 /* The first end of a tick not closed yet with which frames are due; NEVER before the first frame. */
 int64_t wrcd_next_slot_us(const wrcd_train *t);
 
+#ifdef __cplusplus
+}
+#endif
 #endif
