@@ -19,7 +19,9 @@ from wrcd.cli.main import main
 from wrcd.config.config import load_config
 from wrcd.core.reading import Receiver, Sample
 from wrcd.errors import InputError
+from wrcd.logs.feed import survey
 from wrcd.logs.story import gather
+from wrcd.monitor.sources import model_of_log
 
 OWN = Path(__file__).parents[3] / "examples/own-dbc"
 RIDE = 'duration_s = 4\nrail = [{ curve = "C" }]\ndrive = { utilisation = 0.3 }\n'
@@ -78,7 +80,7 @@ def test_two_senders_at_once_are_two_senders(tmp_path: Path, capsys: pytest.Capt
     assert "rejected: 132 two senders" in capsys.readouterr().err  # two of three
 
 
-def test_story_and_check_of_a_log_have_the_group_as_their_input(
+def test_story_monitor_and_check_of_a_log_have_the_group_as_their_input(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     config = train(tmp_path, ", pgn = true")
@@ -87,8 +89,20 @@ def test_story_and_check_of_a_log_have_the_group_as_their_input(
     assert {m.key: m.role for m in story.bus.messages if m.name == "BCU_Speed"} == {SPEED | EXTENDED: "input"}
     assert story.speed is not None
     assert len(story.speed.time_us) == 200
+    model, _ = model_of_log(log, load_config(config), (), None, 500_000)
+    (speed,) = [i for i in model.inputs_at(model.axles[0], story.end_us) if i.quantity is Quantity.SPEED]
+    assert speed.rate_hz == pytest.approx(50.0, abs=5.0)
     assert main(["check", "--config", str(config), "--log", str(log)]) == 0
     assert "BCU_Speed" in capsys.readouterr().out
+
+
+def test_frame_of_an_axles_group_is_one_of_the_axle(tmp_path: Path) -> None:
+    config, log = train(tmp_path, ""), tmp_path / "one.log"
+    dbc, toml = tmp_path / "train.dbc", config.read_text()
+    dbc.write_text(re.sub(r"\b513\b", str(0x18FF0001 | 1 << 31), dbc.read_text()))
+    config.write_text(toml.replace('"Bogie1.GyroZ"', '{ signal = "Bogie1.GyroZ", pgn = true }'))
+    log.write_text("(1.000000) can0 18FF0002#00000000\n")
+    assert survey(log, load_config(config), None).without_frame == frozenset()
 
 
 GROUPS = """
