@@ -110,10 +110,11 @@ class Claim:
         raw = (min(max(physical, self.low), self.high) - self.offset) / self.scale
         if self.signal.is_float:
             return raw
-        whole = round(raw)
-        while whole in self.avoided:
-            whole += -1 if whole > 0 else 1
-        return whole
+        whole, half = round(raw), self.signal.is_signed << self.signal.length - 1
+        toward_0, most = -1 if whole > 0 else 1, len(self.avoided) + 1
+        near = (*range(whole, whole + most * toward_0, toward_0), *range(whole, whole - most * toward_0, -toward_0))
+        fits = (r for r in near if r not in self.avoided and 0 <= r + half < 1 << self.signal.length)
+        return next(fits, whole)
 
     def _ahead(self) -> int | None:
         """Of a direction: the raw value that means forwards, turned round where the factor is below 0; None where the

@@ -104,9 +104,8 @@ def raw_of(s: MappedSignal, si: float) -> float:
     if s.field.is_float:
         return raw
     whole: int = min(max(round(raw), lowest), highest)
-    while whole in s.unusable:
-        whole -= 1 if whole > 0 else -1
-    return whole
+    near = (whole + sign * k for k in range(len(s.unusable) + 1) for sign in (-1, 1))
+    return next((r for r in near if lowest <= r <= highest and r not in s.unusable), whole)
 
 
 def _is_ahead(s: MappedSignal, raw: int) -> bool:

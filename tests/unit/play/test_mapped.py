@@ -16,12 +16,14 @@ from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.encoder import SAMPLE_US, Encoder, Reading, SensorSample, Sent, message_key
 from sim_ecu.play.faults import parse_fault
 from sim_ecu.play.mapped import MappedTrain, Train
+from sim_ecu.play.mapped_message import claim
 from sim_ecu.play.player import Player
 from sim_ecu.play.scenario import Scenario, load_scenario, read_scenario
 from sim_ecu.play.train import PACKAGED, AdhesionReader
 from tests.support.scenarios import held
 from wrcd.bus.dbc import find_message, parse_dbc
 from wrcd.bus.frame import Frame
+from wrcd.bus.mapping import MappedSignal
 from wrcd.bus.signals import Source, StatusRule
 from wrcd.bus.units import G, Quantity
 from wrcd.config.config import load_config, load_packaged
@@ -30,6 +32,7 @@ from wrcd.core.configuration import Config, Input
 from wrcd.core.core import Core
 from wrcd.core.reading import Receiver
 from wrcd.errors import InputError
+from wrcd.kit.golden_frames import raw_of
 
 ROOT = Path(__file__).parents[3]
 EXAMPLE = ROOT / "examples/own-dbc/train.toml"
@@ -478,3 +481,19 @@ def test_direction_is_forwards_as_the_configuration_tells_it(
     read_back = Receiver(config.database, [way]).read(Frame(0, 532, frames[0].data))
     assert isinstance(read_back, list)
     assert read_back[0].value == 1.0
+
+
+@pytest.mark.parametrize(
+    ("sign", "invalid", "value", "raw"),
+    [
+        ("+", (0, 1), 0.0, 2), ("+", (0, 1), 1.0, 2), ("+", (254, 255), 255.0, 253), ("-", (-1, 0, 1), 0.0, 2),
+        ("-", (5,), 5.0, 4), ("-", (-128, -127), -128.0, -126),
+    ],
+)  # fmt: skip
+def test_value_whose_raw_one_is_no_measurement_is_sent_as_the_nearest(
+    sign: str, invalid: tuple[int, ...], value: float, raw: int
+) -> None:
+    dbc = parse_dbc(f'BO_ 7 M: 2 B\n SG_ T : 0|8@1{sign} (1,0) [0|0] "Nm" B\n', Path("m.dbc"))
+    message, source = find_message(dbc, "M"), Source("M", "T", Q.TORQUE, (0,), invalid=frozenset(invalid))
+    assert claim(message, message.signals[0], Input(source, 1000), [1]).raw(value) == raw
+    assert raw_of(MappedSignal(0, source, message), value) in (raw, -raw)
