@@ -138,7 +138,7 @@ class StuckCheck:
 
     def check(self, value: float, stamp_us: int, moving: bool) -> Reason | None:
         """STUCK for a value that has been the same for too long."""
-        self._speed[SPEED] = 2.0 if moving else 0.0
+        self._speed[SPEED] = 1.0 if moving else 0.999
         return self._own.plausible(0, value, stamp_us)
 
     def unchanged(self, now_us: int, timeout_us: int) -> bool:

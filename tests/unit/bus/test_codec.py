@@ -140,6 +140,42 @@ def test_range_ends_at_its_last_step(
     assert last_within < upper <= first_at
 
 
+@pytest.mark.parametrize(
+    ("field", "unit", "quantity", "cases"),
+    [
+        # the longest whole numbers
+        ("64@1- (1,0) [0|0]", "Nm", Quantity.TORQUE, {-1: -1.0, -1000: -1000.0, 1000: 1000.0}),
+        # half a step beyond a range belongs to it
+        ("16@1- (1,0) [-10.5|20.5]", "Nm", Quantity.TORQUE, {-12: None, -11: -11.0, 21: 21.0, 22: None}),
+        ("64@1- (1,0) [0|0]", "N", Quantity.AXLE_LOAD, {0: None, 1_000_000: 1e6, 1_000_001: None}),
+        # a load or radius is larger than nothing, however small
+        ("16@1+ (0.01,0) [0|0]", "N", Quantity.AXLE_LOAD, {0: None, 1: 0.01}),
+        ("16@1+ (0.01,0) [0|0]", "m", Quantity.WHEEL_RADIUS, {0: None, 1: 0.01}),
+        # no words: a direction's sign
+        ("16@1- (0.01,0) [0|0]", "", Quantity.DIRECTION, {-1: -1.0, 0: 1.0, 1: 1.0}),
+    ],
+    ids=lambda x: x if isinstance(x, str) else "",
+)
+def test_number_is_read_or_out_of_range(
+    field: str, unit: str, quantity: Quantity, cases: dict[int, float | None]
+) -> None:
+    dbc = database(f'BO_ 800 M: 8 B\n SG_ S : 0|{field} "{unit}" B\n')
+    for raw, value in cases.items():
+        got = Receiver(dbc, [Source("M", "S", quantity, (0,))]).read(Frame(0, 800, struct.pack("<q", raw)))
+        assert got == (Reason.RANGE if value is None else [Sample(0, value)])
+
+
+def test_floating_point_number_of_16_bits_is_read_down_to_the_smallest() -> None:
+    """Also where one of its values is a word."""
+    text = 'BO_ 800 M: 8 B\n SG_ S : 0|16@1- (1,0) [0|0] "Nm" B\nSIG_VALTYPE_ 800 S : 1;\nVAL_ 800 S 512 "SNA" ;\n'
+    read = Receiver(database(text), [Source("M", "S", Quantity.TORQUE, (0,))]).read
+    for raw in (0x0000, 0x0001, 0x8001, 0x03FF, 0x0400, 0x3C00, 0x6001, 0x7BFF, 0xFBFF):
+        data = raw.to_bytes(8, "little")
+        assert read(Frame(0, 800, data)) == [Sample(0, *struct.unpack_from("<e", data))]
+    assert read(Frame(0, 800, struct.pack("<e6x", 512.0))) is Reason.STATUS
+    assert {read(Frame(0, 800, struct.pack("<H6x", raw))) for raw in (0x7C00, 0x7C01, 0xFC00)} == {Reason.NOT_FINITE}
+
+
 def test_zero_is_no_end_of_a_range(tmp_path: Path) -> None:
     (tmp_path / "own.dbc").write_text(SENSOR_DBC)
     mapped = Mapped(load_dbc(tmp_path / "own.dbc"), [Source("OneSided", "S", Quantity.LAT_ACCEL, (0,))])
@@ -184,9 +220,10 @@ def test_direction_is_told_by_words_of_any_number() -> None:
     dbc = database(
         'BO_ 800 M: 1 B\n SG_ Way : 0|4@1+ (1,0) [0|15] "" B\nVAL_ 800 Way 0 "Forward" 2 "Reverse" 5 "Backward" ;\n'
     )
-    way = Source("M", "Way", Quantity.DIRECTION, (0,))
-    got = [Receiver(dbc, [way]).read(Frame(0, 800, bytes([raw]))) for raw in (0, 1, 2, 5)]
-    assert got == [[Sample(0, value)] for value in (1.0, 1.0, -1.0, -1.0)]
+    for factor, sign in ((None, 1), (0.05, 1), (-0.05, -1)):
+        way = Source("M", "Way", Quantity.DIRECTION, (0,), factor=factor)
+        got = [Receiver(dbc, [way]).read(Frame(0, 800, bytes([raw]))) for raw in (0, 1, 2, 5)]
+        assert got == [[Sample(0, sign * value)] for value in (1.0, 1.0, -1.0, -1.0)]
 
 
 def test_words_that_no_field_can_say_are_none() -> None:

@@ -15,6 +15,7 @@ from wrcd.core.reading import Checker
 
 # Counts that may be missing between two frames, frames after which a stray one is forgotten, senders that start anew.
 MAX_LOST, CANDIDATE_FORGOTTEN, MAX_MOVES = 2, 4, 2
+STARTS_AT_0 = 0x183  # a data id of which nothing is left in the CRC
 VECTORS = Path(__file__).parents[2] / "data" / "e2e_profile11_vectors.csv"
 
 
@@ -65,9 +66,19 @@ def sent(counter: int, payload: int) -> bytes:
 
 def test_frame_of_a_known_message_is_rejected_as_data_id() -> None:
     checker = Checker(YAW_RATE_A1, others=(YAW_RATE_A2, YAW_RATE[3]))
-    assert checker.check(protect(bytes(5), YAW_RATE[3], 0)) is Reason.DATA_ID
+    for other in (YAW_RATE_A2, YAW_RATE[3]):
+        assert checker.check(protect(bytes(5), other, 0)) is Reason.DATA_ID
     assert checker.check(protect(bytes(5), YAW_RATE[4], 0)) is Reason.CRC
     assert checker.check(protect(bytes(5), YAW_RATE_A1, 0)) is None
+
+
+def test_frame_too_short_for_a_counter_is_of_nobody_or_another() -> None:
+    checker = Checker(YAW_RATE_A1, others=(STARTS_AT_0,))
+    starts = [crc(b"\0", data_id) for data_id in (YAW_RATE_A1, STARTS_AT_0, YAW_RATE_A2)]
+    assert [checker.check(bytes([start])) for start in starts] == [Reason.CRC, Reason.DATA_ID, Reason.CRC]
+    assert checker.check(b"") is Reason.CRC
+    assert checker.check(protect(bytes(2), YAW_RATE_A1, 0)) is None
+    assert Checker(YAW_RATE_A1).check(protect(bytes(5), STARTS_AT_0, 0)) is Reason.CRC  # no other is known
 
 
 @pytest.mark.parametrize("apart", range(COUNTER_MODULO))
@@ -150,6 +161,13 @@ def test_stray_frame_costs_at_most_one_good_frame(stray: int) -> None:
     assert len(refused) <= 1
 
 
+def test_two_strays_on_end_cost_no_good_frame() -> None:
+    """The second is taken for a sender that has started anew; the chain before it is the rival's, and goes on."""
+    checker = Checker(ADHESION_A1)
+    verdicts = [checker.check(sent(counter, 1)) for counter in (0, 1, 2, 8, 9, 3, 4, 5, 6, 7)]
+    assert verdicts == [None, None, None, Reason.COUNTER, *6 * [None]]
+
+
 def test_restarted_sender_loses_one_frame() -> None:
     checker = Checker(ADHESION_A1)
     for start in (0, 9, 3, 12):
@@ -188,17 +206,21 @@ def test_sender_restarting_more_than_max_moves_times_counts_as_two() -> None:
     assert verdicts[-1][1] is Reason.TWO_SENDERS
 
 
-@pytest.mark.parametrize(("frames", "is_one"), [(6, True), (5, False)])
-def test_sender_that_restarts_for_ever_is_one_if_it_runs_for_six_frames_between(frames: int, is_one: bool) -> None:
-    """Of which the second is the move, and four more make good for it."""
-    checker, counter, found = Checker(ADHESION_A1), 0, set[Reason | None]()
-    for _ in range(20):
+@pytest.mark.parametrize(
+    ("runs", "refused"), [(20 * [6], 20), (20 * [5], 6), (20 * [4], 4), (20 * [3], 3), ([20, 20, *18 * [4]], 5)]
+)
+def test_sender_that_restarts_for_ever_is_one_if_it_runs_for_six_frames_between(runs: list[int], refused: int) -> None:
+    """Of which the second is the move, and four more make good for it. refused: the restart that is one too many."""
+    checker, counter, found = Checker(ADHESION_A1), 0, list[set[Reason | None]]()
+    for frames in runs:
+        of_run = set()
         for _ in range(frames):
             counter = (counter + 1) % COUNTER_MODULO
-            found.add(checker.check(protect(bytes(8), ADHESION_A1, counter)))
+            of_run.add(checker.check(protect(bytes(8), ADHESION_A1, counter)))
+        found.append(of_run)
         counter += 7
-    assert (found == {None, Reason.COUNTER}) is is_one
-    assert (Reason.TWO_SENDERS in found) is not is_one
+    assert found[:refused] == [{None}, *(refused - 1) * [{None, Reason.COUNTER}]]
+    assert all(Reason.TWO_SENDERS in of_run for of_run in found[refused:])
 
 
 @pytest.mark.parametrize(("member", "senders"), [("candidate_frames", "ab"), ("moves", "aabb")])

@@ -80,6 +80,16 @@ def test_rejection_concerns_the_signals_that_the_frame_carries(simple: Database)
         assert np.isnan(values["value"]).all()
 
 
+def test_of_two_senders_every_signal_is_refused(simple: Database) -> None:
+    """Whichever of them a frame carries."""
+    counters = (0, 7, 1, 8, 2, 9)
+    reasons, values = Receiver(simple, SOURCES, {"M": 800}).read_all(
+        FrameBatch.of([frame(1, 3, 0, c) for c in counters])
+    )
+    assert REASONS[reasons[-1]] is Reason.TWO_SENDERS
+    assert values["input"][values["frame"] == len(counters) - 1].tolist() == [0, 1, 2]
+
+
 def test_multiplexed_status_is_kept_for_the_other_frames(simple: Database) -> None:
     rule = StatusRule("M", "Health", frozenset({1}), frozenset({2}), timeout_us=30_000)
     r = Receiver(simple, [Source("M", "Yaw", Quantity.YAW_RATE, (0,), statuses=(rule,))], {"M": 800})

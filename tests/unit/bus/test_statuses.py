@@ -1,6 +1,7 @@
 """Statuses that the configuration names: several, with their own words, in the same message or in another one."""
 
 import itertools
+import struct
 from typing import Any
 
 import numpy as np
@@ -29,9 +30,13 @@ BO_ 801 Unit: 3 B
 BO_ 802 Speed: 3 B
  SG_ V : 0|16@1+ (0.01,0) [0|100] "m/s" B
  SG_ Status : 16|8@1+ (1,0) [0|255] "" B
+BO_ 803 Axle: 3 B
+ SG_ Crc : 0|8@1+ (1,0) [0|255] "" B
+ SG_ Counter : 8|4@1+ (1,0) [0|14] "" B
+ SG_ Pickup : 16|8@1+ (1,0) [0|255] "" B
 VAL_ 802 Status 0 "OK" 1 "Degraded" 2 "FAULT" ;
 """
-KNOWN = {"Gyro": None, "Unit": 801, "Speed": None}
+KNOWN = {"Gyro": None, "Unit": 801, "Speed": None, "Axle": 803}
 LOCAL = (
     StatusRule("Gyro", "State", frozenset({1, 3}), frozenset({2})),
     StatusRule("Gyro", "Health", frozenset({-1}), frozenset({0})),
@@ -94,6 +99,20 @@ def test_many_statuses_are_each_looked_at() -> None:
         assert got == (Reason.STATUS if 10 in words else [Sample(0, 7.0, degraded=9 in words)])
 
 
+def test_status_may_be_a_floating_point_number() -> None:
+    dbc = database(
+        'BO_ 800 M: 6 B\n SG_ V : 0|16@1+ (1,0) [0|100] "m/s" B\n SG_ S : 16|32@1- (1,0) [0|0] "" B\n'
+        "SIG_VALTYPE_ 800 S : 1;\n"
+    )
+    rule = StatusRule("M", "S", frozenset({0, 3}), frozenset({-2}))
+    read = Receiver(dbc, [Source("M", "V", Quantity.SPEED, (0,), statuses=(rule,))]).read
+    got = {word: read(Frame(0, 800, struct.pack("<Hf", 7, word))) for word in (0.0, 3.0, -2.0, 0.5, 2.0)}
+    assert got == {
+        0.0: [Sample(0, 7.0)], 3.0: [Sample(0, 7.0)], -2.0: [Sample(0, 7.0, degraded=True)],
+        0.5: Reason.STATUS, 2.0: Reason.STATUS,
+    }  # fmt: skip
+
+
 def test_status_of_another_message_is_mapped_and_its_newest_counts(dbc: Database) -> None:
     r = receiver(dbc, REMOTE)
     assert r.mapped.keys == (800, 801, 802)
@@ -126,6 +145,22 @@ def test_two_senders_of_a_status_leave_it_unknown(dbc: Database) -> None:
             got = r.read(gyro(1_000 * k))
             found.add(got if isinstance(got, Reason) else "accepted")
     assert found == {Reason.STATUS}
+
+
+def test_two_senders_of_a_status_leave_the_others_known(dbc: Database) -> None:
+    """Those that come in other frames, whichever is the first in the DBC."""
+    pickup = StatusRule("Axle", "Pickup", frozenset({5}), frozenset({6}), timeout_us=50_000)
+    for of_gyro, of_speed, twice in ((REMOTE, pickup, UNIT_ID), (pickup, REMOTE, 803)):
+        sources = (
+            Source("Gyro", "Rate", Quantity.YAW_RATE, (0,), statuses=(of_gyro,)),
+            Source("Speed", "V", Quantity.SPEED, (0,), statuses=(of_speed,)),
+        )
+        r = Receiver(dbc, sources, KNOWN)
+        for k in range(12):
+            for can_id, counter in ((UNIT_ID, k), (803, k), (twice, k + 7)):
+                r.read(Frame(0, can_id, protect(bytes([0, 0, 5]), can_id, counter % 15)))
+        assert r.read(gyro(0)) is Reason.STATUS
+        assert r.read(Frame(0, 802, b"\xc4\x09\0")) == [Sample(1, 25.0)]
 
 
 def test_reset_forgets_a_status(dbc: Database) -> None:

@@ -5,6 +5,7 @@ import random
 from collections import Counter
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from tests.support.can_ids import LAT_ACCEL, YAW_RATE
@@ -14,7 +15,7 @@ from tests.support.stages import NEVER, OwnInputs
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
 from wrcd.core.core import Core
-from wrcd.core.tables import LAT, TORQUE, YAW
+from wrcd.core.tables import BRAKE, LAT, LOAD, QUANTITIES, RADIUS, SPEED, TORQUE, YAW
 from wrcd.logs.damage import Damage
 from wrcd.logs.reader import read_log
 
@@ -112,6 +113,70 @@ def test_reach_register_is_the_same_before_1970(begin: int) -> None:
     assert read == [
         sum(1 << k - j for j in range(max(0, k - 7), k + 1) if j not in (5, 6, 11)) for k in range(20)
     ]  # fmt: skip
+
+
+def test_reach_of_a_sum_is_that_of_the_part_that_is_reached_least() -> None:
+    """And of equal ones that which says why."""
+    a = OwnInputs((TORQUE, 0), (TORQUE, 0), (TORQUE, 0))
+    a.of["timeout_us"], a.of["next"] = 10, [-1, 0, 1]
+    assert a.reached(LOAD, 0, 100) == (0, "None")
+    for at in range(0, 80, 10):
+        for part in range(3):
+            a.accept(part, 1.0, at)
+    assert a.reached(TORQUE, 0, 80) == (0b11111111, "None")
+    a.reject(1, 75, Reason.CRC)
+    assert a.reached(TORQUE, 0, 80) == (0b11111111, "Crc")
+    a.reject(0, 75, Reason.COUNTER)
+    assert a.reached(TORQUE, 0, 80) == (0b11111111, "Crc")  # the first of them
+    for part in (0, 2):
+        a.accept(part, 1.0, 80)
+    assert a.reached(TORQUE, 0, 90) == (0b11111110, "Crc")
+    for part in (1, 2):
+        a.accept(part, 1.0, 90)
+    a.accept(2, 1.0, 100)
+    assert a.reached(TORQUE, 0, 110) == (0b11111010, "Crc")
+    a.accept(1, 1.0, 110)
+    assert a.reached(TORQUE, 0, 120) == (0b11111000, "Counter")
+
+
+@pytest.mark.parametrize("quantity", range(len(QUANTITIES)))
+def test_input_is_stale_past_its_timeout_and_unknown_past_its_silence(quantity: int) -> None:
+    """MuUsed has no value without torque, load or radius."""
+    a = OwnInputs((quantity, 1), (TORQUE, 0))
+    a.of["timeout_us"], a.of["silent_us"] = 20, [100, 1000]
+    a.accept(0, 1.0, 0)
+    a.accept(1, 1.0, 100)
+    for end_us, is_stale, is_silent in ((20, 0, 0), (21, 1, 0), (100, 1, 0), (101, 1, 1)):
+        a.close(end_us)
+        axles = a.train.state["axle"]
+        assert axles["stale"].tolist() == [0, is_stale << quantity]
+        unknown = bool(is_silent) and quantity in (TORQUE, BRAKE, LOAD, RADIUS)
+        assert np.isnan(axles["torque_ratio"]).tolist() == [False, unknown]
+
+
+def test_speed_below_zero_turns_the_train_beyond_half_a_metre_per_second() -> None:
+    a = OwnInputs((LAT, 0), (SPEED, 0))
+    a.settings["speed_tells_direction"] = 1
+    turned = []
+    for speed in (0.4, -0.4, -0.5, -0.51, -0.4, 0.5, 0.51, -0.5):
+        a.accept(0, 1.0, 0)
+        a.accept(1, speed, 0)
+        turned.append(a.close(0)[0][LAT] < 0)
+    assert turned == [False, False, False, True, True, True, False, False]
+
+
+@pytest.mark.parametrize("second", [TORQUE, BRAKE])
+def test_torques_against_each_other_by_more_than_a_fiftieth_contradict_each_other(second: int) -> None:
+    """The larger side counts then, else their sum. Parts of one torque, and the brake's beside it."""
+    a = OwnInputs((second, 0), (TORQUE, 0))
+    a.of["next"] = [-1, 0 if second == TORQUE else -1]
+    a.settings["load_N"], a.settings["radius_m"], a.settings["torque_sign_counts"] = 100.0, 0.5, 1
+    for less, used in ((1.0, 4.0), (1.05, 5.0)):  # of 2 N r_0
+        for torques in ((-less, 5.0), (less, -5.0), (5.0, -less), (-5.0, less)):
+            for number, torque in enumerate(torques):
+                a.accept(number, torque, 0)
+            a.close(0)
+            assert a.train.state["axle"]["torque_ratio"].tolist() == [used]
 
 
 def means(frames: list[Frame]) -> list[float]:

@@ -248,6 +248,15 @@ def test_silent_part_makes_the_torque_stale_then_unavailable(tmp_path: Path) -> 
     assert validities(sim.during(200, silent={TORQUE_A1}))[-1] == "NotAvailable"
 
 
+def test_silent_brake_torque_makes_the_axle_unavailable(tmp_path: Path) -> None:
+    sim = TwoTorques(tmp_path, BESIDE)
+    sim.run(1500)
+    frames = sim.during(200, silent={TORQUE_A2})
+    assert validities(frames) == ["Valid", "Degraded", "NotAvailable"]
+    assert (frames[-1]["MuUsed"], frames[-1]["SampleAge"]) == ("NotAvailable", 204)
+    assert sim.during(100, silent={TORQUE_A2})[-1]["SampleAge"] == 255  # no more is told
+
+
 STATE_ID = 800
 FORWARD, REVERSE = bytes(4), bytes([1, 0, 0, 0])
 

@@ -11,6 +11,7 @@ from tests.support.sensor_simulator import MS, SensorSimulator, until_ms, validi
 from tests.support.stages import JumpCheck, StuckCheck
 from wrcd.bus.reasons import Reason
 from wrcd.core.coarse_sensors import cost_of_step
+from wrcd.native import library
 
 SPIKE = 5_000_000  # 5 rad/s
 # A run that would come about by chance once in so many frames is refused; so many may go on at most.
@@ -89,11 +90,54 @@ def test_very_coarse_sensor_is_rejected_after_the_run_that_max_share_allows() ->
     assert stuck == math.ceil(STUCK / math.log(MAX_SHARE))
 
 
+@pytest.mark.parametrize(
+    ("runs", "refused"),
+    [
+        ([], 11),  # log 1e-12 / log(1.5 * 0.05), rounded up
+        ([0] * 2000, 11),
+        ([1] * 10, 32),  # 0.275 of (20 + 20) frames repeat the one before
+        ([3] * 4, 46),
+        ([4] * 3, 56),  # four of a run are learnt from
+        ([6] * 3, 56),
+        ([10] * 5, 116),
+        ([11] * 5, 11),  # refused: nothing is learnt from it
+        ([12] * 5 + [1] * 10, 32),
+        ([0] * 3000 + [1] * 300, 26),  # the newest thousand frames count
+        ([3] * 400, 263),
+    ],
+    ids=str,
+)
+def test_run_that_is_refused_follows_from_the_runs_before(runs: list[int], refused: int) -> None:
+    """Repeats of each value so far; the repeat from which on the next is refused."""
+    r = StuckCheck()
+    sent = [float(k) for k, repeats in enumerate([*runs, refused]) for _ in range(repeats + 1)]
+    verdicts = [r.check(value, k * 5 * MS, moving=True) for k, value in enumerate(sent)]
+    assert verdicts[-2:] == [None, Reason.STUCK]
+
+
+@pytest.mark.parametrize(
+    ("share", "repeats"), [(0.0, 6), (0.05, 6), (0.1, 8), (0.3, 18), (0.5, 49), (0.59, 114), (0.6, 132), (0.61, 0)]
+)
+def test_repeats_after_which_a_sensor_is_doubted(share: float, repeats: int) -> None:
+    assert library().wrcd_repeats_doubted(share) == repeats
+
+
+@pytest.mark.parametrize(("value", "repeats"), [(0.5, 6), (5.0, 4), (-5.0, 4), (4.999, 6)])
+def test_sensor_is_unchanged_past_its_timeout_and_sooner_at_an_end(value: float, repeats: int) -> None:
+    r = StuckCheck((-5.0, 5.0))
+    for _ in range(repeats + 1):
+        assert not r.unchanged(1_000 * MS, 15 * MS)
+        r.check(value, 5 * MS, moving=True)
+    assert r.unchanged(20 * MS + 1, 15 * MS)
+    assert not r.unchanged(20 * MS, 15 * MS)
+
+
 @pytest.mark.parametrize(("end", "still_found"), [(5.0, True), (6.0, False)])
-def test_clipped_runs_do_not_teach_that_a_sensor_is_coarse(end: float, still_found: bool) -> None:
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_clipped_runs_do_not_teach_that_a_sensor_is_coarse(end: float, still_found: bool, sign: float) -> None:
     r = StuckCheck((-end, end))
     for k in range(4000):  # every run of three repeats stands at 5
-        r.check(5.0 if k % 8 < 4 else float(k), k * 5 * MS, moving=True)
+        r.check(sign * 5.0 if k % 8 < 4 else float(k), k * 5 * MS, moving=True)
     verdicts = [r.check(0.5, (4000 + k) * 5 * MS, moving=True) for k in range(15)]
     assert (Reason.STUCK in verdicts) is still_found
 
@@ -137,6 +181,10 @@ def test_stuck_check_does_not_learn_from_freezes() -> None:
         (60, [(50.1, 0, True), (11.0, 60.001, True)]),  # after a gap any value is as good
         (60, [(11.0, 0, True), (50.0, 20, False), (90.0, 40, False), (11.0, 60, True)]),  # another confirms nothing
         (3000, [(10.0, 0, True), (11.5, 1000, True), (30.0, 2000, False)]),  # a slow message: braking is allowed
+        (3000, [(0.0, 0, True), (9.5, 1000, True), (19.5, 2000, True), (9.25, 3000, False)]),  # by 1 in each 100 ms
+        # to the last bit
+        (60, [(10.0, 0, True), (11.0, 20, True), (12.0625, 40, False), (13.0625, 60, True)]),
+        (60, [(10.0, 0, True), (50.0, 60, False)]),
     ],
 )
 def test_jump_check_accepts_a_step_at_its_second_frame(window_ms: int, frames: list[tuple[float, float, bool]]) -> None:

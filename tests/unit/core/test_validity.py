@@ -7,6 +7,7 @@ from itertools import groupby, pairwise
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from tests.support.can_ids import LAT_ACCEL_A1, TORQUE_A1, TORQUE_A2, VEHICLE_SPEED, YAW_RATE_A1
@@ -19,6 +20,7 @@ from wrcd.bus.frame import Frame
 from wrcd.config.config import load_config
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import Config
+from wrcd.core.layouts import layouts
 from wrcd.core.terms import EstimateDoubt, PairState
 
 DEFAULT = load_config(None)
@@ -83,6 +85,7 @@ def test_sensor_status_degrades_or_rejects(sim: SensorSimulator) -> None:
         (False, False, -8_000.0, "Degraded"),
         (False, False, -0.01, "Degraded"),
         (False, False, 0.0, "Degraded"),  # the friction brakes may act alone
+        (False, False, 0.05, "Valid"),
         (False, False, 8_000.0, "Valid"),
         (False, True, -8_000.0, "Valid"),
         (False, True, 8_000.0, "Valid"),
@@ -258,6 +261,44 @@ def test_doubtful_estimate_is_degraded_with_its_cause(doubt: EstimateDoubt, caus
     assert judge.verdict(PairState.BOTH_DEAD, estimate) == (Validity.DEGRADED, Cause.UNCHANGED)
     assert set(OF_PAIR) == set(PairState) - {PairState.SOUND}
     assert set(OF_ESTIMATE) == set(EstimateDoubt) - {EstimateDoubt.NONE}
+
+
+SOUND, STALE, TOLD = Cause.NONE, Cause.INPUT_STALE, Cause.SENSOR_DEGRADED
+
+
+@pytest.mark.parametrize(
+    ("ticks", "validity", "cause"),
+    [
+        ([(SOUND, 19)], Validity.NOT_AVAILABLE, SOUND),
+        ([(SOUND, 20)], Validity.VALID, SOUND),
+        # a tick that is not sound belongs to a window all the same, for which the axle is Degraded
+        ([(TOLD, 10), (SOUND, 9)], Validity.NOT_AVAILABLE, SOUND),
+        ([(TOLD, 10), (SOUND, 10)], Validity.DEGRADED, TOLD),
+        ([(TOLD, 20), (SOUND, 19)], Validity.DEGRADED, TOLD),
+        ([(TOLD, 20), (SOUND, 20)], Validity.VALID, SOUND),
+        # eight ticks without an input neither belong to it nor end it
+        ([(SOUND, 20), (STALE, 8)], Validity.DEGRADED, STALE),
+        ([(SOUND, 20), (STALE, 8), (SOUND, 1)], Validity.VALID, SOUND),
+        ([(SOUND, 10), (STALE, 8), (SOUND, 9)], Validity.NOT_AVAILABLE, SOUND),
+        ([(SOUND, 10), (STALE, 8), (SOUND, 10)], Validity.VALID, SOUND),
+        ([(SOUND, 10), (STALE, 8), (SOUND, 1), (STALE, 8), (SOUND, 9)], Validity.VALID, SOUND),
+        # nine end it
+        ([(SOUND, 20), (STALE, 9), (SOUND, 19)], Validity.DEGRADED, STALE),
+        ([(SOUND, 20), (STALE, 9), (SOUND, 20)], Validity.VALID, SOUND),
+        ([(SOUND, 10), (STALE, 9), (SOUND, 19)], Validity.NOT_AVAILABLE, SOUND),
+        ([(TOLD, 10), (STALE, 9), (TOLD, 19)], Validity.NOT_AVAILABLE, TOLD),
+        ([(TOLD, 10), (STALE, 9), (TOLD, 20)], Validity.DEGRADED, TOLD),
+    ],
+    ids=str,
+)
+def test_axle_is_valid_after_a_full_window_of_sound_ticks(
+    ticks: list[tuple[Cause, int]], validity: Validity, cause: Cause
+) -> None:
+    judge = Monitor(20)
+    for against, count in ticks:
+        for _ in range(count):
+            judge.update(against)
+    assert judge.verdict(PairState.SOUND, np.zeros(1, dtype=layouts()["estimate"])) == (validity, cause)
 
 
 def test_wide_interval_is_valid_and_its_level_does_not_flicker(sim: SensorSimulator) -> None:
