@@ -65,7 +65,7 @@ static double float_of(int bits, uint64_t raw)
     }
     const int exponent = raw >> 10 & 31; /* 16 bits */
     const double fraction = (double)(raw & 1023);
-    number = exponent == 31 ? (fraction == 0.0 ? INFINITY : NAN)
+    number = exponent == 31 ? NAN /* infinite, or no number */
         : exponent == 0 ? ldexp(fraction, -24) : ldexp(1024.0 + fraction, exponent - 25);
     return raw >> 15 & 1 ? -number : number;
 }
@@ -121,11 +121,10 @@ static void keep_statuses(const wrcd_train *t, const wrcd_message *m, const uint
 
 static bool is_among(const wrcd_train *t, const wrcd_field *at, uint64_t word, int first, int count)
 {
-    const double number = at->kind == WRCD_FLOAT ? float_of(at->bits, word) : 0.0;
     bool found = false;
 
     for (int i = first; i < first + count && !found; i++)
-        found = at->kind == WRCD_FLOAT ? number == (double)t->number[i] : word == (uint64_t)t->number[i];
+        found = at->kind == WRCD_FLOAT ? float_of(at->bits, word) == (double)t->number[i] : word == (uint64_t)t->number[i];
     return found;
 }
 

@@ -22,7 +22,7 @@ static double longest_run(double share, double chance)
 {
     const double goes_on = fmin(GOES_ON * fmax(share, FIRST_SHARE), MAX_SHARE);
 
-    return fmax((double)MIN_RUN, ceil(log(chance) / log(goes_on)));
+    return ceil(log(chance) / log(goes_on));
 }
 
 /* The repeats after which a sensor is doubted; 0: one so coarse is not watched. */
