@@ -17,7 +17,7 @@ from wrcd.core.configuration import Config
 from wrcd.core.counts import Counts, Health
 from wrcd.core.estimator import Estimator
 from wrcd.core.events import Events
-from wrcd.core.layouts import layouts
+from wrcd.core.layouts import as_struct, layouts
 from wrcd.core.reports import Made, Report, report
 from wrcd.core.state import Buffers, Train
 from wrcd.core.tables import QUANTITIES, SPEED, tables_of
@@ -47,7 +47,7 @@ class Core:
         self._nothing = Made(*(np.zeros(0, dtype=layouts()[name]) for name in ("made", "report")))
         self._reports = self._nothing.reports  # of the newest slot
         library().wrcd_core_begin(self._train.pointer)
-        self._state["keeps_samples"], self._state["keeps_ticks"] = samples is not None, ticks is not None
+        self._state.keeps_samples, self._state.keeps_ticks = samples is not None, ticks is not None
 
     def _begin(self) -> None:
         """Memory for the state, and who looks at it."""
@@ -58,7 +58,7 @@ class Core:
             "made": SLOTS * max(sent, 1), "report": SLOTS * n, "event": 8 * SLOTS * n, "sample": 4096 + 64 * SLOTS,
             "tick": SLOTS,
         })  # fmt: skip
-        self._state = self._train.state["core"][0]
+        self._state = as_struct(self._train.state["core"])
         self._told_health = self._train.state["core"].view(np.int64)[:9]
         self._said: tuple[int, ...] = ()
         self._feed = library().wrcd_feed
@@ -76,11 +76,11 @@ class Core:
     @property
     def muted(self) -> bool:
         """Whether no frames are made: nobody would send them."""
-        return bool(self._state["is_muted"])
+        return bool(self._state.is_muted)
 
     @muted.setter
     def muted(self, muted: bool) -> None:
-        self._state["is_muted"] = muted
+        self._state.is_muted = muted
 
     @property
     def speed_m_s(self) -> float:
@@ -97,7 +97,7 @@ class Core:
     @property
     def time_us(self) -> int | None:
         """Begin of the open tick: every tick before it is closed. None before the first frame."""
-        return int(self._state["open"]) * self._period_us if self._state["is_open"] else None
+        return int(self._state.open) * self._period_us if self._state.is_open else None
 
     @property
     def reports(self) -> list[Report]:
@@ -107,7 +107,7 @@ class Core:
     @property
     def newest_us(self) -> int:
         """Newest stamp of a mapped frame; long ago before the first."""
-        return int(self._state["stamp_us"])
+        return int(self._state.stamp_us)
 
     @property
     def next_slot_us(self) -> int:

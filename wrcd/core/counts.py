@@ -9,6 +9,7 @@ from wrcd.bus.link import LinkHealth
 from wrcd.bus.mapping import Mapped
 from wrcd.bus.reasons import Reason
 from wrcd.core.configuration import Config
+from wrcd.core.layouts import as_struct
 
 State = Literal["Running", "LinkDown", "Stopping"]
 REASONS: tuple[Reason | None, ...] = (None, *Reason)  # by their number in C
@@ -19,7 +20,8 @@ class Counts:
 
     def __init__(self, config: Config, mapped: Mapped, state: Any) -> None:
         """state: the core's records."""
-        self._core, self._messages, self._inputs = state["core"][0], state["message_state"], state["input_state"]
+        self._messages, self._inputs = state["message_state"], state["input_state"]
+        self._core = as_struct(state["core"])
         self._names = [m.name for m in mapped.messages]
         numbers = [a.number for a in config.axles]
         self._clipped_of = [
@@ -30,37 +32,37 @@ class Counts:
     @property
     def accepted(self) -> int:
         """Frames that were accepted."""
-        return int(self._core["accepted"])
+        return int(self._core.accepted)
 
     @property
     def late(self) -> int:
         """Arrived after their tick was closed: used in the tick that was open."""
-        return int(self._core["late"])
+        return int(self._core.late)
 
     @property
     def time_steps(self) -> int:
         """Steps of time."""
-        return int(self._core["time_steps"])
+        return int(self._core.time_steps)
 
     @property
     def restarts(self) -> int:
         """Axles started anew: absurd measurements that went on, a speed that jumped."""
-        return int(self._core["restarts"])
+        return int(self._core.restarts)
 
     @property
     def waits(self) -> int:
         """How often an axle that was reset again and again had to wait."""
-        return int(self._core["waits"])
+        return int(self._core.waits)
 
     @property
     def ticks(self) -> int:
         """Ticks that were closed."""
-        return int(self._core["ticks"])
+        return int(self._core.ticks)
 
     @property
     def last_reason(self) -> str:
         """The label of the newest rejection's reason."""
-        reason = REASONS[int(self._core["last_reason"])]
+        reason = REASONS[self._core.last_reason]
         return "None" if reason is None else reason.label
 
     @property
@@ -106,7 +108,7 @@ class Counts:
     @property
     def seen(self) -> int:
         """All mapped frames."""
-        return self.accepted + int(self._messages["refused"].sum())
+        return int(self._core.accepted + self._core.refused)
 
 
 @dataclass(slots=True)

@@ -36,6 +36,11 @@ def _record(listed: Any, known: dict[str, np.dtype[Any]]) -> np.dtype[Any]:
     return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": field.offset})
 
 
+def as_struct(records: np.ndarray[Any, Any]) -> Any:
+    """The first of some records, its members as attributes: they are read in a tenth of the time."""
+    return np.ctypeslib.as_ctypes_type(records.dtype).from_buffer(records)
+
+
 @cache
 def told_names() -> tuple[str, ...]:
     """What a frame may tell, in C's order."""

@@ -58,12 +58,12 @@ class Buffers:
         self._struct.most[:] = [most[name] for name in OUT]
         self._struct.buffers[:] = [array.ctypes.data for array in self._records.values()]
         self.pointer = ctypes.addressof(self._struct)
-        self._counts = np.ctypeslib.as_array(self._struct.counts)
 
     def take(self) -> dict[str, Records]:
         """Copies of what there is, by its kind; kinds without any are left out."""
-        counts = self._counts.tolist()
-        if not any(counts):
-            return {}
-        self._counts[:] = 0
-        return {name: self._records[name][:count].copy() for name, count in zip(OUT, counts, strict=True) if count}
+        counts, found = self._struct.counts, dict[str, Records]()
+        for k, name in enumerate(OUT):
+            if count := counts[k]:
+                counts[k], of = 0, self._records[name].dtype
+                found[name] = np.frombuffer(ctypes.string_at(self._struct.buffers[k], count * of.itemsize), of)
+        return found

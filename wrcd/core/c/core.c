@@ -242,6 +242,7 @@ static void refuse(const wrcd_train *t, int message, const wrcd_frame_head *f, i
     const wrcd_message *m = &t->message[message];
 
     t->message_state[message].refused[reason]++;
+    t->core->refused++;
     t->core->last_reason = reason;
     for (int i = m->first_signals; i < m->first_signals + m->signals; i++)
         if (wrcd_is_concerned(t, m, i, f, reason))

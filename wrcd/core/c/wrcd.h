@@ -153,7 +153,7 @@ enum { WRCD_ADHESION, WRCD_DETAIL, WRCD_INPUTS_SEEN, WRCD_DAEMON, WRCD_REJECTS }
 #define WRCD_CORE_STATE(F)                                                                         \
     WRCD_HEALTH(F)                                                                                 \
     F(int64_t, open, /* number of the tick that gathers frames */) F(int64_t, begin_us, ) F(int64_t, end_us, ) \
-    F(int64_t, stamp_us, /* newest */) F(int64_t, accepted, ) F(int64_t, late, ) F(int64_t, time_steps, ) \
+    F(int64_t, stamp_us, /* newest */) F(int64_t, accepted, ) F(int64_t, refused, ) F(int64_t, late, ) F(int64_t, time_steps, ) \
     F(int64_t, restarts, ) F(int64_t, ticks, ) F(int64_t, waits, ) F(int64_t, last_reason, )       \
     F(int64_t, told_refused, [WRCD_REASONS] /* at the newest WrcdRejects */) F(int64_t, told_foreign, ) \
     F(int32_t, is_open, ) F(int32_t, speed_jumped, ) F(int32_t, is_reverse, ) F(int32_t, is_muted, ) \
