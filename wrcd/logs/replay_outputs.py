@@ -29,7 +29,7 @@ from wrcd.logs.rule_sentences import sentence
 from wrcd.logs.story_events import NewChanges
 
 OPTIONS = {"-o": ".log", "--csv": ".csv", "--events": ".events.csv", "--mf4": ".mf4", "--mcap": ".mcap"}  # and suffixes
-_CAUSES = tuple(Cause)  # by their number
+_CAUSES = tuple(cause.words for cause in Cause)  # by their number
 SCREEN = Path("-")  # stands for standard output
 START_BYTES = 4096  # of a file that is asked whose it is
 
@@ -180,19 +180,21 @@ class AdhesionRows:
         """One row for an Adhesion frame, nothing for others."""
         frames = made.frames[np.isin(made.frames["word"], list(self._messages))]
         reports = made.reports[frames["report"]]
-        estimates = reports["estimate"]
-        columns = (frames[name].tolist() for name in ("stamp_us", "word", "length", "cause"))
+        estimates, stamps_us = reports["estimate"], frames["stamp_us"].tolist()
+        stamps = {us: _seconds(us - self._origin_us) for us in set(stamps_us)}
+        rows: list[Any] = [None] * len(frames)
+        for word, (cells, number) in self._messages.items():
+            places = np.flatnonzero(frames["word"] == word)
+            for at, row in zip(places.tolist(), cells.of(frames["data"][places]), strict=True):
+                rows[at] = [stamps[stamps_us[at]], number, *row]
         known = (reports["has_estimate"], estimates["mu_available_pct"], estimates["half_width_pp"])
-        for (stamp_us, word, length, cause), data, of, estimate in zip(
-            zip(*columns, strict=True), frames["data"], zip(*(x.tolist() for x in known), strict=True), estimates,
-            strict=True,
-        ):  # fmt: skip
-            cells, number = self._messages[word]
-            stamp = _seconds(stamp_us - self._origin_us)
-            row = [stamp, number, *cells.of(data.tobytes()[:length]), _CAUSES[cause].words, *_interval(*of)]
-            if self._explained:
-                row += _reasons(self._design, estimate if of[0] else None)
-            self._writer.writerow(row)
+        of = zip(frames["cause"].tolist(), *(x.tolist() for x in known), strict=True)
+        for row, (cause, *interval) in zip(rows, of, strict=True):
+            row += (_CAUSES[cause], *_interval(*interval))
+        if self._explained:
+            for row, is_known, estimate in zip(rows, known[0].tolist(), estimates, strict=True):
+                row += _reasons(self._design, estimate if is_known else None)
+        self._writer.writerows(rows)
 
 
 def _seconds(us: int) -> str:
@@ -217,19 +219,17 @@ class Cells:
         words = {raw & at.mask: word for word, raw in (sent.words or {}).items()}
         return words if sent.not_available is None else {sent.not_available & at.mask: "", **words}
 
-    def of(self, data: bytes) -> list[str]:
-        """One text for each of SIGNALS, empty for those that the message lacks."""
-        numbers = {"little": int.from_bytes(data, "little"), "big": int.from_bytes(data, "big")}
-        out = [""] * len(SIGNALS)
-        decoded: Any = None
+    def of(self, data: Any) -> Iterator[tuple[str, ...]]:
+        """Of each frame a text for each of SIGNALS, empty for those that the message lacks. data: its eight bytes."""
+        length, out = self._message.length, [[""] * len(data)] * len(SIGNALS)
+        numbers = {"little": data.view("<u8")[:, 0], "big": data.view(">u8")[:, 0] >> 8 * (8 - length)}
         for signal, at, texts, column in zip(self._known, self._positions, self._texts, self._columns, strict=True):
-            raw = numbers[at.order] >> at.shift & at.mask
-            text = texts.get(raw)
-            if text is None:
-                decoded = decoded or self._message.decode(data)
-                text = texts[raw] = _cell(decoded.get(signal.name), signal.factor, SIGNALS[column])
-            out[column] = text
-        return out
+            raw = (numbers[at.order] >> at.shift & at.mask).tolist()
+            for new in set(raw) - texts.keys():
+                decoded: Any = self._message.decode(data[raw.index(new)].tobytes()[:length])
+                texts[new] = _cell(decoded.get(signal.name), signal.factor, SIGNALS[column])
+            out[column] = [texts[number] for number in raw]
+        return zip(*out, strict=True)
 
 
 def _cell(value: Any, factor: float, of: str) -> str:
