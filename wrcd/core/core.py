@@ -26,7 +26,7 @@ from wrcd.native import constant, library
 
 # Further ahead of the open tick it is a step of time; out of order by less is jitter between queues.
 FORWARD_STEP_US, BACKWARD_STEP_US = int(constant("FORWARD_STEP_US")), int(constant("BACKWARD_STEP_US"))
-SLOTS = 64  # that are made without coming back from C
+SLOTS = 256  # that are made without coming back from C: of memory not used the kernel gives none
 _STATES, _LINK_STATES = words_of("status_message", "State"), words_of("link_message", "LinkState")
 Records = np.ndarray[Any, Any]
 Seen = Callable[[Records], None]

@@ -160,7 +160,7 @@ def test_time_that_the_clock_tells_may_come_in_any_steps(tmp_path: Path) -> None
     for core, step_us in zip(cores, (5_000, 500_000, 1_000_000), strict=True):
         core.feed(frames)
         out.append([x for k in range(60_000_000 // step_us) for x in made(core.advance(begin_us + (k + 1) * step_us))])
-    assert len(out[0]) > 100 * SLOTS
+    assert len(out[0]) > 30 * SLOTS
     assert out[0] == out[1] == out[2]
     assert seen(cores[0]) == seen(cores[1]) == seen(cores[2])
     assert state(cores[0]) == state(cores[1]) == state(cores[2])
