@@ -18,7 +18,7 @@ from wrcd.core.counts import Counts, Health
 from wrcd.core.estimator import Estimator
 from wrcd.core.events import Events
 from wrcd.core.layouts import as_struct, layouts
-from wrcd.core.reports import Made, Report, report
+from wrcd.core.reports import Made, Report, reports
 from wrcd.core.state import Buffers, Train
 from wrcd.core.tables import QUANTITIES, SPEED, tables_of
 from wrcd.core.vocabulary import words_of
@@ -102,7 +102,7 @@ class Core:
     @property
     def reports(self) -> list[Report]:
         """Of every axle at the newest slot."""
-        return [report(of) for of in self._reports]
+        return reports(self._reports)
 
     @property
     def newest_us(self) -> int:

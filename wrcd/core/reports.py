@@ -52,14 +52,21 @@ def surface(mu_available_pct: float | None) -> str:
     return next(name for low, name in SURFACES if mu_available_pct >= low)
 
 
-def report(of: Any) -> Report:
-    """That of a record."""
-    mu, used = float(of["mu_available_pct"]), float(of["mu_used_pct"])
-    return Report(
-        _VALIDITIES[of["validity"]], mu if mu == mu else None, used if used == used else None, int(of["sample_age_ms"]),
-        _SURFACES[of["surface"]], _CONTACTS[of["contact"]], _LEVELS[of["confidence"]], _CAUSES[of["cause"]],
-        bool(of["is_short"]),
-    )  # fmt: skip
+_HEAD = [
+    "validity", "mu_available_pct", "mu_used_pct", "sample_age_ms", "surface", "contact", "confidence", "cause",
+    "is_short",
+]  # fmt: skip
+
+
+def reports(of: Records) -> list[Report]:
+    """Those of records."""
+    return [
+        Report(
+            _VALIDITIES[validity], mu if mu == mu else None, used if used == used else None, age_ms, _SURFACES[surface],
+            _CONTACTS[contact], _LEVELS[confidence], _CAUSES[cause], bool(is_short),
+        )
+        for validity, mu, used, age_ms, surface, contact, confidence, cause, is_short in of[_HEAD].tolist()
+    ]  # fmt: skip
 
 
 class Outgoing(NamedTuple):
