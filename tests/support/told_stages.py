@@ -34,6 +34,10 @@ class Monitor:
         """A tick, and what speaks against it."""
         self._c.wrcd_validity_update(self._axle.ctypes.data, self._window, int(cause))
 
+    def reset(self, why: Cause) -> None:
+        """What was known does not hold any more."""
+        self._c.wrcd_validity_reset(self._axle.ctypes.data, int(why))
+
     def verdict(self, pair: int, estimate: Any) -> tuple[Validity, Cause]:
         """With the state of the pair of sensors, and the record of an estimate."""
         has_estimate, cause = ctypes.c_int(), ctypes.c_int()

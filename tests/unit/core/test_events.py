@@ -182,6 +182,18 @@ def test_part_of_a_torque_that_is_late_is_named(tmp_path: Path) -> None:
     assert texts(sim)[-1].endswith(" ms old, limit 30")
 
 
+@pytest.mark.parametrize(("torques", "brakes", "listed"), [(1, 0, 1), (1, 1, 2), (3, 2, 5), (8, 1, 8), (10, 1, 8)])
+def test_first_eight_torques_against_each_other_are_told(
+    tmp_path: Path, torques: int, brakes: int, listed: int
+) -> None:
+    form = "WRCD\n SG_ ".join(f'{"" if k == 0 else f"S{k} : "}{16 + 2 * k}|2@1+ (1,0) [0|3] "Nm"' for k in range(11))
+    names = [f'"Torque_A2.{"Slow" if k == 0 else f"S{k}"}"' for k in range(torques + brakes)]
+    more = f"torque = [{', '.join(names[:torques])}]\n"
+    more += f"brake_torque = [{', '.join(names[torques:])}]\n" if brakes else ""
+    event = beginning(own(tmp_path, more, form=form).core, Cause.TORQUES_CONTRADICT, 0)
+    assert event["listed"] == listed
+
+
 def details(core: Core) -> Details:
     return Details(core.config, core.mapped)
 

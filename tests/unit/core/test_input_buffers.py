@@ -15,7 +15,8 @@ from tests.support.stages import NEVER, OwnInputs
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
 from wrcd.core.core import Core
-from wrcd.core.tables import BRAKE, LAT, LOAD, QUANTITIES, RADIUS, SPEED, TORQUE, YAW
+from wrcd.core.counts import REASONS
+from wrcd.core.tables import BRAKE, DIRECTION, LAT, LOAD, QUANTITIES, RADIUS, SPEED, TORQUE, YAW
 from wrcd.logs.damage import Damage
 from wrcd.logs.reader import read_log
 
@@ -99,6 +100,15 @@ def test_reach_register_shifts_each_timeout_and_keeps_the_reason() -> None:
     assert a.reached(TORQUE, 1, 15_000) == (0, "None")
 
 
+def test_reach_register_that_is_read_after_a_while_is_that_of_one_read_always() -> None:
+    for passed, register in ((1, 1), (2, 2), (8, 128), (9, 0), (100, 0)):
+        a = OwnInputs((TORQUE, 0))
+        a.of["timeout_us"] = 10
+        a.accept(0, 1.0, 0)
+        assert a.reached(TORQUE, 0, 10 * passed) == (register, "None")
+        assert a.reached(TORQUE, 0, 10 * passed + 10) == (2 * register % 256, "None")
+
+
 @pytest.mark.parametrize("begin", [-1000, -104, -3, 100])
 def test_reach_register_is_the_same_before_1970(begin: int) -> None:
     """Time-outs are numbered from 1970 on, below zero before."""
@@ -139,19 +149,22 @@ def test_reach_of_a_sum_is_that_of_the_part_that_is_reached_least() -> None:
     assert a.reached(TORQUE, 0, 120) == (0b11111000, "Counter")
 
 
+@pytest.mark.parametrize("axle", [0, 1])
 @pytest.mark.parametrize("quantity", range(len(QUANTITIES)))
-def test_input_is_stale_past_its_timeout_and_unknown_past_its_silence(quantity: int) -> None:
+def test_input_is_stale_past_its_timeout_and_unknown_past_its_silence(quantity: int, axle: int) -> None:
     """MuUsed has no value without torque, load or radius."""
-    a = OwnInputs((quantity, 1), (TORQUE, 0))
-    a.of["timeout_us"], a.of["silent_us"] = 20, [100, 1000]
+    a = OwnInputs((quantity, axle), (TORQUE, 1 - axle))
+    a.of["timeout_us"], a.of["silent_us"] = [20, 500], [100, 1000]
     a.accept(0, 1.0, 0)
-    a.accept(1, 1.0, 100)
-    for end_us, is_stale, is_silent in ((20, 0, 0), (21, 1, 0), (100, 1, 0), (101, 1, 1)):
+    a.accept(1, 1.0, 0)
+    axles = a.train.state["axle"]
+    for end_us, is_stale, is_silent in ((20, 0, 0), (21, 1, 0), (100, 1, 0), (101, 1, 1), (120, 0, 0)):
+        if end_us == 120:
+            a.accept(0, 1.0, 101)
         a.close(end_us)
-        axles = a.train.state["axle"]
-        assert axles["stale"].tolist() == [0, is_stale << quantity]
+        assert (axles["stale"][axle], axles["stale"][1 - axle]) == (is_stale << quantity, 0)
         unknown = bool(is_silent) and quantity in (TORQUE, BRAKE, LOAD, RADIUS)
-        assert np.isnan(axles["torque_ratio"]).tolist() == [False, unknown]
+        assert (np.isnan(axles["torque_ratio"]) == [unknown and k == axle for k in range(2)]).all()
 
 
 def test_speed_below_zero_turns_the_train_beyond_half_a_metre_per_second() -> None:
@@ -163,6 +176,33 @@ def test_speed_below_zero_turns_the_train_beyond_half_a_metre_per_second() -> No
         a.accept(1, speed, 0)
         turned.append(a.close(0)[0][LAT] < 0)
     assert turned == [False, False, False, True, True, True, False, False]
+
+
+def test_direction_of_an_axle_turns_its_acceleration() -> None:
+    a = OwnInputs((LAT, 0), (LAT, 1), (DIRECTION, 0), (DIRECTION, 1))
+    for ways in ((1.0, 1.0), (-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (1.0, 1.0)):
+        for number, value in enumerate((0.5, 0.25, *ways)):
+            a.accept(number, value, 0)
+        assert a.close(0)[0][2:] == [0.5 * ways[0], 0.25 * ways[1]]
+
+
+def test_refusals_are_counted_anew_after_a_good_frame_and_a_step_of_time() -> None:
+    a, told = OwnInputs((YAW, 0)), []
+    for then in (lambda: a.accept(0, 1.0, 7), a.reset, list):
+        for reason in (Reason.CRC, Reason.COUNTER, Reason.CRC):
+            a.reject(0, 9, reason)
+        told.append((a.state["refusals"][0], a.state["refused"][0].sum(), a.state["order"][0][:2].tolist()))
+        then()
+    assert told == 3 * [(2, 3, [REASONS.index(Reason.CRC), REASONS.index(Reason.COUNTER)])]
+
+
+@pytest.mark.parametrize("channel", [YAW, LAT])
+def test_measurement_at_an_end_of_its_range_is_clipped_and_unchanged_after_four_repeats(channel: int) -> None:
+    a = OwnInputs((channel, 0))
+    a.of["first_end"], a.of["last_end"] = -5.0, 5.0
+    assert [a.accept(0, value, 0) for value in (-5.0, -4.99, 4.99, 5.0)] == [True, False, False, True]
+    a.settings["start"][SPEED] = 1.0
+    assert [(a.plausible(0, 5.0, 0), a.unchanged(0, 1)) for _ in range(5)] == [*4 * [(None, False)], (None, True)]
 
 
 @pytest.mark.parametrize("second", [TORQUE, BRAKE])

@@ -197,6 +197,17 @@ def test_dip_of_the_torque_within_its_noise_is_no_braking(tmp_path: Path) -> Non
         assert (Cause.FRICTION_SHARE_UNKNOWN in told) == brakes, dip
 
 
+@pytest.mark.parametrize("step_us", [-3_600_000_000, 3_600_000_000])
+def test_traction_before_a_time_step_is_none_now(tmp_path: Path, step_us: int) -> None:
+    sim = own(tmp_path, vehicle="torque_is_total = false\n")
+    sim.torque = 3_000.0
+    sim.run(1500)
+    sim.t += step_us
+    sim.torque = 0.0
+    sim.run(1500)
+    assert sim.causes()[-1] == "FrictionShareUnknown"
+
+
 @pytest.mark.parametrize("lost", [lambda k: k % 3 == 0, lambda k: k % 4 < 2, lambda k: k % 6 < 3])
 def test_lost_frames_are_too_little_data_or_stale_and_not_harsh(
     lost: Callable[[int], bool], sim: SensorSimulator
@@ -295,6 +306,9 @@ def test_axle_is_valid_after_a_full_window_of_sound_ticks(
     ticks: list[tuple[Cause, int]], validity: Validity, cause: Cause
 ) -> None:
     judge = Monitor(20)
+    for _ in range(20):
+        judge.update(Cause.UNCHANGED)
+    judge.reset(SOUND)
     for against, count in ticks:
         for _ in range(count):
             judge.update(against)

@@ -169,14 +169,6 @@ static bool take(wrcd_input_state *s, int patience, double *z)
     return is_there;
 }
 
-static void turn(const wrcd_train *t)
-{
-    t->core->is_reverse = 0;
-    for (int axle = 0; axle < t->settings->axles; axle++)
-        if (wrcd_value_of(t, WRCD_DIRECTION, axle) < 0.0)
-            t->core->is_reverse = 1;
-}
-
 /* A value of an accepted frame. Returns whether it is clipped: a measurement at an end of its range, which is there in
  * time, and which no tick uses, for nobody knows how much larger the truth is. */
 bool wrcd_accept(const wrcd_train *t, const reading *v, int64_t stamp_us)
@@ -196,8 +188,6 @@ bool wrcd_accept(const wrcd_train *t, const reading *v, int64_t stamp_us)
         put(s, is_clipped ? NAN : v->value, stamp_us);
     else
         s->value = v->value;
-    if (i->quantity == WRCD_DIRECTION)
-        turn(t);
     if (i->quantity == WRCD_SPEED && t->settings->speed_tells_direction && fabs(v->value) > BACKWARDS_M_S)
         t->core->is_reverse = v->value < 0.0;
     for (int axle = 0; i->quantity == WRCD_TORQUE && t->settings->torque_sign_counts && axle < t->settings->axles; axle++)
@@ -279,8 +269,8 @@ void wrcd_inputs_close(const wrcd_train *t, int64_t end_us, tick_inputs *tick)
         }
     }
     for (int axle = 0; axle < n; axle++) {
-        if (t->core->is_reverse) /* seen in the direction of travel left is right; counter-clockwise stays so */
-            tick->z[n + axle] *= wrcd_value_of(t, WRCD_DIRECTION, axle);
+        /* seen in the direction of travel left is right; counter-clockwise stays so */
+        tick->z[n + axle] *= wrcd_value_of(t, WRCD_DIRECTION, axle);
         const double grip = wrcd_total_of(t, WRCD_LOAD, axle) * wrcd_value_of(t, WRCD_RADIUS, axle);
         tick->torque_ratio[axle] = has(unknown, axle) ? NAN : torque_Nm(t, axle) / grip;
         t->axle[axle].torque_ratio = tick->torque_ratio[axle];

@@ -7,8 +7,6 @@
  * Degraded; the window goes on after it. */
 #include "core.h"
 
-enum { MAX_DOUBLINGS = 9 };
-
 /* Of a pair of sensors, by wrcd_pair_state(); of an estimate, by enum wrcd_doubt. */
 static const int OF_PAIR[WRCD_PAIR_STATES] = {
     WRCD_CAUSE_NONE, WRCD_CAUSE_GYRO_REVERSED, WRCD_CAUSE_GYRO_DEAD, WRCD_CAUSE_ACCEL_SMALL, WRCD_CAUSE_SENSORS_SILENT,
@@ -113,8 +111,7 @@ void wrcd_backoff_was_reset(const wrcd_train *t, wrcd_axle_state *a, int64_t tic
 {
     const double tick_s = t->design->tick_s;
 
-    a->resets_in_a_row += a->resets_in_a_row < FREE_RESETS + 1 + MAX_DOUBLINGS;
-    const int64_t doublings = a->resets_in_a_row - FREE_RESETS - 1;
+    const int64_t doublings = a->resets_in_a_row++ - FREE_RESETS;
     if (doublings < 0)
         return;
     t->core->waits++;
