@@ -145,6 +145,7 @@ def test_range_ends_at_its_last_step(
     [
         # the longest whole numbers
         ("64@1- (1,0) [0|0]", "Nm", Quantity.TORQUE, {-1: -1.0, -1000: -1000.0, 1000: 1000.0}),
+        ("8@1- (1,0) [0|0]", "Nm", Quantity.TORQUE, {-128: -128.0, -1: -1.0, 64: 64.0, 127: 127.0}),
         # half a step beyond a range belongs to it
         ("16@1- (1,0) [-10.5|20.5]", "Nm", Quantity.TORQUE, {-12: None, -11: -11.0, 21: 21.0, 22: None}),
         ("64@1- (1,0) [0|0]", "N", Quantity.AXLE_LOAD, {0: None, 1_000_000: 1e6, 1_000_001: None}),
@@ -174,6 +175,14 @@ def test_floating_point_number_of_16_bits_is_read_down_to_the_smallest() -> None
         assert read(Frame(0, 800, data)) == [Sample(0, *struct.unpack_from("<e", data))]
     assert read(Frame(0, 800, struct.pack("<e6x", 512.0))) is Reason.STATUS
     assert {read(Frame(0, 800, struct.pack("<H6x", raw))) for raw in (0x7C00, 0x7C01, 0xFC00)} == {Reason.NOT_FINITE}
+
+
+@pytest.mark.parametrize(("bits", "kind", "form"), [(32, 1, "<f4x"), (64, 2, "<d")])
+def test_floating_point_number_of_more_bits_is_read(bits: int, kind: int, form: str) -> None:
+    dbc = database(f'BO_ 800 M: 8 B\n SG_ S : 0|{bits}@1- (1,0) [0|0] "Nm" B\nSIG_VALTYPE_ 800 S : {kind};\n')
+    source = Source("M", "S", Quantity.TORQUE, (0,))
+    for number in (-1234.5, 0.25, 65536.5):
+        assert Receiver(dbc, [source]).read(Frame(0, 800, struct.pack(form, number))) == [Sample(0, number)]
 
 
 def test_zero_is_no_end_of_a_range(tmp_path: Path) -> None:

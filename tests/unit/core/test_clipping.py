@@ -55,6 +55,16 @@ def _with_raw(f: Frame, raw: Callable[[int], int]) -> Frame:
     return replace(f, data=protect(b"\0\0" + payload, f.can_id, f.data[1] & 0x0F))
 
 
+def test_sample_age_is_that_of_the_newest_measurement_that_is_used(clipping_at: Callable[[float], Config]) -> None:
+    sim = SensorSimulator(clipping_at(2.0))
+    sim.run(1500)
+    at_end = sim.run(
+        100, lambda frames: [_with_raw(f, lambda _: 200_000) if f.can_id == LAT_ACCEL_A1 else f for f in frames]
+    )
+    assert at_end[-1]["SampleAge"] == 104
+    assert sim.run(20)[-1]["SampleAge"] == 4
+
+
 def every(ticks: int, spoil: Callable[[Frame], list[Frame]]) -> Spoil:
     """Spoil the lateral acceleration of one tick in so many."""
     passed = iter(range(1_000_000))

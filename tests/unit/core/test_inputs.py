@@ -255,6 +255,7 @@ def test_silent_brake_torque_makes_the_axle_unavailable(tmp_path: Path) -> None:
     assert validities(frames) == ["Valid", "Degraded", "NotAvailable"]
     assert (frames[-1]["MuUsed"], frames[-1]["SampleAge"]) == ("NotAvailable", 204)
     assert sim.during(100, silent={TORQUE_A2})[-1]["SampleAge"] == 255  # no more is told
+    assert sim.core.reports[0].sample_age_ms == 255
 
 
 STATE_ID = 800

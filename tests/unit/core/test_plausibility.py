@@ -2,13 +2,17 @@
 
 import math
 import random
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
+from tests.support.can_ids import LAT_ACCEL_A1
 from tests.support.core_state import state
 from tests.support.sensor_simulator import MS, SensorSimulator, until_ms, validities
 from tests.support.stages import JumpCheck, StuckCheck
+from wrcd.bus.e2e import protect
+from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
 from wrcd.core.coarse_sensors import cost_of_step
 from wrcd.native import library
@@ -238,6 +242,8 @@ def test_continued_outliers_reset_the_axle(sim: SensorSimulator) -> None:
     assert until_ms(frames, "NotAvailable") <= 15 + 40  # as a silent sensor would be
     assert frames[-1]["MuAvailable"] == pytest.approx(undisturbed, abs=1.0)
     assert sim.causes()[-2:] == ["Restarted", "None"]
+    (text,) = [c.text for c in sim.core.events.since(0) if "Restarted" in c.text]
+    assert "waits" not in text
 
 
 def test_clock_step_clears_the_outlier(sim: SensorSimulator) -> None:
@@ -295,6 +301,17 @@ def test_stuck_gyro_of_a_moving_train_is_rejected(sim: SensorSimulator) -> None:
     frames = sim.run(1500)
     assert validities(frames) == ["NotAvailable", "Valid"]
     assert until_ms(frames, "Valid") <= 1080
+
+
+def test_stuck_accelerometer_is_told_as_unchanged(sim: SensorSimulator) -> None:
+    def frozen(frames: list[Frame]) -> list[Frame]:
+        still = protect(b"\0\0\x10\0\0", LAT_ACCEL_A1, (sim.counter - 1) % 15)
+        return [replace(f, data=still) if f.can_id == LAT_ACCEL_A1 else f for f in frames]
+
+    sim.run(2000)
+    sim.run(500, frozen)
+    row = sim.decoded("InputHealth_A1")[-1]
+    assert [row[name] for name in ("RefusedLatAccel", "RefusedYawRate", "Unchanged")] == ["Stuck", "None", "Yes"]
 
 
 def test_stuck_sensor_at_standstill_is_accepted(sim: SensorSimulator) -> None:

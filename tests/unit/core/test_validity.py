@@ -406,6 +406,17 @@ def test_axle_that_is_reset_again_and_again_waits_and_comes_back(sim: SensorSimu
     assert sim.core.counts.waits == waits
 
 
+def test_wait_after_one_reset_too_many_is_told(sim: SensorSimulator) -> None:
+    for _ in stormy(sim, 8.0):
+        sim.run(5)
+        if sim.core.counts.restarts == FREE_RESETS:
+            break
+    sim.during(200, silent={YAW_RATE_A1})
+    storm(sim, 0.5)
+    (text,) = [c.text for c in sim.core.events.since(0) if "waits" in c.text]
+    assert text.endswith("; waits 1 s")
+
+
 def test_other_axles_do_not_wait(config: Config) -> None:
     def of_axle_2(f: Frame) -> Frame:
         return replace(f, can_id=f.can_id + 1, data=protect(f.data, f.can_id + 1, f.data[1] & 0x0F))
