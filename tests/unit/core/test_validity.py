@@ -197,6 +197,26 @@ def test_dip_of_the_torque_within_its_noise_is_no_braking(tmp_path: Path) -> Non
         assert (Cause.FRICTION_SHARE_UNKNOWN in told) == brakes, dip
 
 
+def test_traction_is_as_old_as_the_torque_that_told_it(tmp_path: Path) -> None:
+    """Which comes every 25 ms, and the other inputs between."""
+    sim = own(tmp_path, vehicle="torque_is_total = false\n")
+
+    def slow(frames: list[Frame]) -> list[Frame]:
+        others = [f for f in frames if f.can_id != TORQUE_A1]
+        (torque,) = [f for f in frames if f.can_id == TORQUE_A1]
+        now = replace(torque, data=protect(torque.data, TORQUE_A1, sim.counter // 5 % 15))
+        return [*others, now] if sim.counter % 5 == 1 else others
+
+    sim.torque = 3_000.0
+    sim.run(1500, slow)
+    for count, brakes in ((2, False), (3, True)):
+        before = sim.core.events.total
+        sim.during(25 * count, slow, torque=-10.0)
+        sim.run(1500, slow)
+        told = {change.cause for change in sim.core.events.since(before)}
+        assert (Cause.FRICTION_SHARE_UNKNOWN in told) == brakes
+
+
 @pytest.mark.parametrize("step_us", [-3_600_000_000, 3_600_000_000])
 def test_traction_before_a_time_step_is_none_now(tmp_path: Path, step_us: int) -> None:
     sim = own(tmp_path, vehicle="torque_is_total = false\n")
