@@ -12,7 +12,7 @@
 # make deb    a Debian package with its libraries inside: build/deb
 # make wheels  for x86_64 and aarch64, any Python and any Linux since 2014: dist
 # make bench  what wrcd costs on this computer, against another checkout too (BEFORE=DIR); a minute, asserts nothing
-# make mutants   whether the tests notice each changed number and comparison in the C that decides what is believed; about an hour
+# make mutants   whether the tests notice each changed number and comparison in the C that decides what is believed; half an hour or more
 # where Python is told to write no bytecode, each program that a test starts compiles wrcd anew, and each worker all tests
 unexport PYTHONDONTWRITEBYTECODE
 PYTHON ?= python3
