@@ -159,8 +159,8 @@ def test_wheel_brings_the_library_in_c(installed: Path) -> None:
 def test_kit_is_written_from_the_installed_wheel(installed: Path, tmp_path: Path) -> None:
     run(installed, WRCD, "kit", "-o", str(tmp_path / "kit"))
     assert (tmp_path / "kit" / "adhesion.c").stat().st_size > 10_000
-    run(installed, WRCD, "kit", "--estimator", "-o", str(tmp_path / "estimator"))
-    assert (tmp_path / "estimator" / "design.c").stat().st_size > 100_000
+    run(installed, WRCD, "kit", "--core", "-o", str(tmp_path / "core"))
+    assert (tmp_path / "core" / "train.c").stat().st_size > 100_000
 
 
 @pytest.mark.night

@@ -50,9 +50,10 @@ uint8_t wrcd_crc_after(uint8_t start, const uint8_t *data, int length)
 
 void wrcd_e2e_reset(wrcd_message_state *m)
 {
-    m->last = m->candidate = m->sender = NONE;
+    m->last = m->candidate = NONE;
+    m->sender = NO_SENDER;
     m->last_us = m->candidate_us = WRCD_NEVER;
-    m->candidate_frames = m->frames_since_candidate = m->moves = m->quarantine_frames = m->payload_bytes = 0;
+    m->candidate_frames = m->frames_since_candidate = m->moves = m->quarantine_frames = m->payload_bytes = m->contested_frames = 0;
 }
 
 bool wrcd_e2e_suspect(const wrcd_message_state *m)

@@ -175,13 +175,18 @@ static int read_value(const wrcd_train *t, const wrcd_input *s, const wrcd_messa
     return WRCD_REASON_NONE;
 }
 
-/* Whether a frame of a group comes from another sender than the one before it, or goes to another receiver. */
-static bool is_of_another(const wrcd_message *m, wrcd_message_state *s, uint32_t word)
+/* Whether a frame of a group comes from another address than the one before it, or so few frames ago one did: as of E2E's
+ * counters, a new sender is believed when it has been the only one for a while. */
+static bool is_of_two(const wrcd_message *m, wrcd_message_state *s, uint32_t word)
 {
-    const int32_t before = s->sender, now = (int32_t)(word & 0xFFFF);
+    const int32_t before = s->sender, now = (int32_t)(word & 0xFF);
 
-    s->sender = (m->mask & 0xFF) == 0 ? now : before;
-    return before >= 0 && before != s->sender;
+    if ((m->mask & 0xFF) != 0)
+        return false;
+    s->sender = now;
+    s->contested_frames = before != NO_SENDER && before != now ? COUNTER_MODULO
+        : s->contested_frames > 0 ? s->contested_frames - 1 : 0;
+    return s->contested_frames > 0;
 }
 
 /* The values of a frame of a mapped message, with room for so many bytes; none where a multiplexer selects none. Returns why
@@ -197,7 +202,7 @@ int wrcd_read_frame(const wrcd_train *t, int message, const wrcd_frame_head *f, 
         return WRCD_REASON_KIND;
     if (f->length != m->length || m->length > room)
         return WRCD_REASON_LENGTH;
-    int reason = is_of_another(m, &t->message_state[message], f->word) ? WRCD_REASON_TWO_SENDERS : WRCD_REASON_NONE;
+    int reason = is_of_two(m, &t->message_state[message], f->word) ? WRCD_REASON_TWO_SENDERS : WRCD_REASON_NONE;
     if (m->is_protected && reason == WRCD_REASON_NONE)
         reason = wrcd_e2e_check(t, message, f->data, m->length, f->stamp_us);
     for (int k = 0; reason == WRCD_REASON_TWO_SENDERS && k < m->tells; k++)

@@ -84,12 +84,13 @@ enum wrcd_validity { WRCD_NOT_AVAILABLE, WRCD_VALID, WRCD_DEGRADED };
     F(int32_t, crc_start, ) F(int32_t, is_multiplexed, ) WRCD_RANGE_OF(F, others)                  \
     WRCD_RANGE_OF(F, signals) WRCD_RANGE_OF(F, tells)
 /* The chain of its sender's counters, and a rival's beside it; what was refused. Sender: of a group, the newest frame's source
- * and destination; -1: none. */
+ * address, -1: none; contested: frames that are still refused, if they all come from it. */
 #define WRCD_MESSAGE_STATE(F)                                                                      \
     F(int64_t, last_us, ) F(int64_t, candidate_us, ) F(int64_t, refused, [WRCD_REASONS])           \
     F(int32_t, last, /* counter; -1: none */) F(int32_t, candidate, ) F(int32_t, candidate_frames, ) \
     F(int32_t, frames_since_candidate, ) F(int32_t, moves, ) F(int32_t, quarantine_frames, )       \
-    F(int32_t, payload_bytes, ) F(int32_t, sender, ) F(uint8_t, payload, [64])
+    F(int32_t, payload_bytes, ) F(int32_t, sender, ) F(int32_t, contested_frames, ) F(int32_t, reserved, ) \
+    F(uint8_t, payload, [64])
 
 /* What a frame may tell, by the names of wrcd/core/vocabulary.py; words by their place there. */
 #define WRCD_TOLD(F)                                                                               \
