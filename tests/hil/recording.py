@@ -7,7 +7,7 @@ from functools import cache, cached_property
 import pytest
 
 from sim_ecu.play.encoder import databases
-from tests.support.can_ids import ADHESION_A1
+from tests.support.can_ids import ADHESION_A1, WRCD_LINK, WRCD_STATUS
 from tests.support.processes import ROOT
 from wrcd.bus.candump import parse_line
 from wrcd.bus.e2e import crc
@@ -27,6 +27,7 @@ EPISODES: dict[str, tuple[str | None, str | None]] = {
     "lost": (None, None), "link": (None, None), "errors": (None, "foreign"), "fd": ("fd.toml", None),
     "busoff": (None, None),
 }  # fmt: skip
+OF_ITSELF = {WRCD_STATUS, WRCD_LINK}  # what the daemon tells of itself, and no core knows
 SILENT_US = 50_000  # so long without an input it was the clock that closed the ticks
 END_US = 1 << 62
 # Stamps that jump by more tell of a clock that was set, where it was: slots may come again, and a frame that was made
@@ -131,13 +132,22 @@ class Episode:
 
     @cached_property
     def settled(self) -> list[tuple[Slot, Frame]]:
-        """What was sent, but in the moment after the clock was set: what a loop that stood still had made before leaves
-        then, with counters of slots that are still to come."""
+        """What was sent, but what a loop that stood still had made before the clock was set, with counters of slots
+        that are still to come. It leaves in the moment after that; or later, where the loop stood still again, before
+        all that it makes by the new clock: frames as a core makes them of their slot by the clock of before."""
         since_us: dict[int, int] = {0: -END_US}
+        newest, begun = dict[tuple[int, int], int](), {0}  # slots by message; when the clock was set so often
         out = []
         for (can_id, slot, times), f in self.sent:
-            if f.stamp_us - since_us.setdefault(times, f.stamp_us) > SETTLED_US:
-                out.append(((can_id, slot, times), f))
+            before = newest.get((can_id, times - 1), slot)
+            of_before = (can_id, before + 1 + (slot - before - 1) % 15, times - 1)
+            if f.stamp_us - since_us.setdefault(times, f.stamp_us) <= SETTLED_US:
+                continue
+            if times not in begun and (can_id in OF_ITSELF or self.replayed.data.get(of_before) == f.data):
+                continue
+            begun.add(times)
+            newest[can_id, times] = slot
+            out.append(((can_id, slot, times), f))
         return out
 
     @cached_property

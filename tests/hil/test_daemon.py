@@ -10,7 +10,17 @@ from collections import Counter
 
 import pytest
 
-from tests.hil.recording import EPISODES, NOT_AVAILABLE, RECORDED, VALID, Replayed, played, recorded, validity
+from tests.hil.recording import (
+    EPISODES,
+    NOT_AVAILABLE,
+    OF_ITSELF,
+    RECORDED,
+    VALID,
+    Replayed,
+    played,
+    recorded,
+    validity,
+)
 from tests.support.can_ids import ADHESION, ADHESION_A1, SIM_TRUTH_A1, WRCD_LINK, WRCD_REJECTS, WRCD_STATUS, YAW_RATE_A1
 from wrcd.bus.frame import Frame
 from wrcd.logs.damage import Damage
@@ -22,7 +32,6 @@ PLAYED = {
     "link": ("ride1", "ride2", "ride3", "ride4"),
 }  # fmt: skip
 OF_SLOTS = [n for n in EPISODES if n != "fd"]  # whose DBC has no counters
-OF_ITSELF = {WRCD_STATUS, WRCD_LINK}
 FOREIGN = ("errors", "flood")  # where somebody else sends under the daemon's ids
 # Slots that may go out between the script's note and its signal. A daemon that is deaf for 3 s sends 150.
 BEFORE_THE_STOP = 5
