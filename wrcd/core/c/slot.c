@@ -119,13 +119,10 @@ static int64_t refused_by(const wrcd_train *t, int reason)
 static void tell_daemon(const wrcd_train *t, double told[WRCD_TOLD_COUNT])
 {
     const wrcd_core_state *c = t->core;
-    int64_t refused = 0;
 
-    for (int reason = WRCD_REASON_KIND; reason < WRCD_REASONS; reason++)
-        refused += refused_by(t, reason);
     told[WRCD_TOLD_State] = (double)c->state;
     told[WRCD_TOLD_Overruns] = (double)(c->overruns % 256);
-    told[WRCD_TOLD_RejectedFrames] = (double)(refused % 1024);
+    told[WRCD_TOLD_RejectedFrames] = (double)(c->refused % 1024);
     told[WRCD_TOLD_LastReason] = (double)c->last_reason;
     told[WRCD_TOLD_ReceiveDrops] = (double)(c->drops % 64);
     told[WRCD_TOLD_Reopens] = (double)(c->reopens % 16);
