@@ -103,6 +103,7 @@ VEHICLE = Other(
     "a packaged vehicle, or a bogie and half a car body: what differs from the multiple unit's",
     DEFAULT_DESIGN,
 )
+SUSPENSION_TABLE = Other("suspension", "parts as data sheets give them, instead of constants of [vehicle]")
 WHEELSET = Other("wheelset", "what differs from the vehicle's wheelset")
 OF_AXLE = Other("axle", "[axle.N]: what differs for one axle")
 FAULT = Other("fault", "what goes wrong, as with `sim-ecu play --fault`")
@@ -153,6 +154,24 @@ _OF_VEHICLE = {
 VEHICLE_PARAMETERS = tuple(
     Measure(name, what, 0.0 if "damping" in name else 1e-9, 1e15, getattr(Bogie(), name), unit=unit)
     for name, (unit, what) in _OF_VEHICLE.items()
+)
+
+SUSPENSION = (
+    Measure("axle_box_longitudinal_N_m", "stiffness of one axle box along the track", 0.0, 1e12, unit="N/m"),
+    Measure("axle_box_lateral_N_m", "across it", 0.0, 1e12, unit="N/m"),
+    Measure("axle_box_longitudinal_damping_N_s_m", "its damping along the track", 0.0, 1e12, unit="N s/m"),
+    Measure("axle_box_lateral_damping_N_s_m", "across it", 0.0, 1e12, unit="N s/m"),
+    Measure("bush_longitudinal_N_m", "of an axle box's bush beside its spring, along the track", 0.0, 1e12, unit="N/m"),
+    Measure("bush_lateral_N_m", "across it", 0.0, 1e12, unit="N/m"),
+    Measure("axle_box_spacing_m", "from the left axle box to the right one", 0.1, 5.0, unit="m"),
+    Measure("secondary_spring_longitudinal_N_m", "stiffness of one of two along the track", 0.0, 1e12, unit="N/m"),
+    Measure("secondary_spring_lateral_N_m", "across it", 0.0, 1e12, unit="N/m"),
+    Measure("secondary_spring_spacing_m", "from the left spring to the right one", 0.1, 5.0, unit="m"),
+    Measure("lateral_damper_N_s_m", "rate of one of the bogie's", 0.0, 1e12, unit="N s/m"),
+    Measure("lateral_dampers", "how many the bogie has", 1.0, 8.0, 2.0),
+    Measure("yaw_damper_N_s_m", "rate of one of the bogie's", 0.0, 1e12, unit="N s/m"),
+    Measure("yaw_dampers", "how many the bogie has", 1.0, 8.0, 2.0),
+    Measure("yaw_damper_spacing_m", "from the left one to the right one", 0.1, 5.0, unit="m"),
 )
 
 FROM = Measure("from_m", "where it begins", 0.0, 1e7, 0.0, unit="m")
@@ -248,8 +267,10 @@ AMOUNT = Other("amount", "how much", "the kind's", "the kind's")
 SHARED: tuple[Key, ...] = (RAIL, DRIVE, TRACK, SENSORS, AXLEBOX, SEED)  # that an axle may have otherwise
 # By the table's name.
 TABLES: Mapping[str, tuple[Key, ...]] = {
-    "": (TITLE, DURATION, AXLES, SPEED, HOLD_SPEED, *SHARED, VEHICLE, WHEELSET, OF_AXLE, FAULT),
+    "": (TITLE, DURATION, AXLES, SPEED, HOLD_SPEED, *SHARED, VEHICLE, SUSPENSION_TABLE, WHEELSET, OF_AXLE,
+        FAULT),
     "vehicle": VEHICLE_PARAMETERS,
+    "suspension": SUSPENSION,
     "wheelset": (NAME, *PARAMETERS),
     "rail": (FROM, CURVE, MU_0, *LAW, RADIUS, CANT, TRANSITION, EDGE),
     "drive": (*DEMANDS, CREEP_LIMIT),

@@ -1,7 +1,8 @@
 """What runs on the rail: the packaged vehicles, and the tables [vehicle] and [wheelset] of a file.
 
 `vehicle = "NAME"` is a packaged one. [wheelset] says what differs from its wheelset. [vehicle] says what differs from
-the packaged multiple unit's bogie; M_v follows from it. Where neither is given the vehicle is the default one.
+the packaged multiple unit's bogie; M_v follows from it. [suspension] gives parts instead of constants of a bogie. Where
+none is given the vehicle is the default one.
 """
 
 from dataclasses import replace
@@ -10,6 +11,7 @@ from typing import Any
 
 from sim_ecu.physics.wheelset import Bogie, Wheelset
 from sim_ecu.play import scenario_keys as keys
+from sim_ecu.play.suspension import read_suspension
 from wrcd.config.settings import Section, read_toml, read_whole, suggest
 from wrcd.errors import InputError
 from wrcd.resources import DEFAULT_DESIGN, LONE
@@ -50,7 +52,7 @@ def load_vehicle(name: str) -> Wheelset:
 
 
 def read_vehicle(top: Section) -> Wheelset:
-    """The vehicle of a file, from `vehicle`, [vehicle] and [wheelset]. Raises InputError."""
+    """The vehicle of a file, from `vehicle`, [vehicle], [suspension] and [wheelset]. Raises InputError."""
     given = top.raw("vehicle")
     if isinstance(given, str) or given is None:
         named = DEFAULT_VEHICLE if given is None else given
@@ -64,6 +66,11 @@ def read_vehicle(top: Section) -> Wheelset:
         section = top.section("vehicle")
         base, bogie = Wheelset(), Bogie(**{key.name: key.of(section) for key in keys.VEHICLE_PARAMETERS})
         section.done()
+    made = read_suspension(top)
+    if made and bogie is None:
+        raise top.error("a lone wheelset has none", "suspension", "name a vehicle with bogies")
+    if bogie is not None:
+        bogie = replace(bogie, **{name: of.value for name, of in made.items()})
     section = top.section("wheelset")
     if bogie is not None and "M_v" in section:
         hint = f'leave it out, change body_mass_kg, or write vehicle = "{LONE}"'

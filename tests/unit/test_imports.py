@@ -70,7 +70,7 @@ BUDGETS = {
     "sim_ecu/jobs": 367,
     "sim_ecu/loop": 3214,
     "sim_ecu/physics": 2442,
-    "sim_ecu/play": 3615,
+    "sim_ecu/play": 3786,
     "sim_ecu/reporting": 264,
     "sim_ecu/score": 3378,
     "systemd": 593,

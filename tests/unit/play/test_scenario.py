@@ -61,7 +61,7 @@ WITH = {
     "axle.N": RAIL + DRIVE + "[axle.1]\n@\n",
     "fault": RAIL + DRIVE + '[[fault]]\nkind = "bias"\n@\n',
     "wheelset": 'vehicle = "lone-wheelset"\n' + RAIL + DRIVE + "[wheelset]\n@\n",
-    **{name: RAIL + DRIVE + f"[{name}]\n@\n" for name in ("vehicle", "sensors", "axlebox")},
+    **{name: RAIL + DRIVE + f"[{name}]\n@\n" for name in ("vehicle", "suspension", "sensors", "axlebox")},
 }
 # which the parser asks for only where they are there, or beside no other
 ONLY_IF_THERE = {

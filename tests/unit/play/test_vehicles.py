@@ -1,11 +1,17 @@
 """The packaged vehicles: listed with the speed from which they hunt, and taken as briefs."""
 
+import re
+from dataclasses import asdict
+
 import pytest
 
 from sim_ecu.cli.main import main
 from sim_ecu.design.brief import read_brief, written
-from sim_ecu.play.vehicles import load_vehicle, packaged_vehicles, vehicle_path, vehicle_title
+from sim_ecu.physics.wheelset import Bogie
+from sim_ecu.play.suspension import conversions
+from sim_ecu.play.vehicles import load_vehicle, packaged_vehicles, read_vehicle, vehicle_path, vehicle_title
 from wrcd.config.settings import parse_toml, read_toml
+from wrcd.errors import InputError
 
 
 def test_list_has_a_line_for_each_vehicle_with_its_title_and_its_hunting(capsys: pytest.CaptureFixture[str]) -> None:
@@ -23,3 +29,51 @@ def test_a_packaged_vehicle_is_a_brief_that_is_written_and_read_again(name: str)
     brief = read_brief(read_toml(vehicle_path(name)))
     assert brief.wheelset == load_vehicle(name)
     assert read_brief(parse_toml(written(brief), "brief.toml")) == brief
+
+
+PARTS = """
+vehicle = "multiple-unit"
+[suspension]
+axle_box_longitudinal_N_m = 2.0e6
+bush_longitudinal_N_m = 0.5e6
+axle_box_spacing_m = 2.0
+axle_box_lateral_N_m = 1.5e6
+yaw_damper_N_s_m = 1.0e5
+yaw_dampers = 4
+yaw_damper_spacing_m = 2.6
+"""
+
+
+def test_suspension_gives_constants_of_a_bogie_by_its_parts_and_the_rest_stays() -> None:
+    bogie = read_vehicle(parse_toml(PARTS, "parts.toml")).bogie
+    expected = {
+        "primary_yaw_N_m_rad": 2 * 2.5e6 * 1.0**2,
+        "primary_lateral_N_m": 2 * 1.5e6,
+        "secondary_yaw_damping_N_m_s_rad": 4 * 1.0e5 * 1.3**2,
+    }
+    assert bogie is not None
+    assert asdict(bogie) == pytest.approx(asdict(Bogie()) | expected)
+
+
+def test_suspension_says_how_a_constant_came_about() -> None:
+    assert "primary_yaw_N_m_rad = 2 x (2e+06 + 500000) x (2 / 2)^2 = 5e+06" in conversions(parse_toml(PARTS, "-"))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[suspension]\nyaw_damper_N_s_m = 1e5", "suspension.yaw_damper_N_s_m: needs yaw_damper_spacing_m, too"),
+        (
+            "[vehicle]\nprimary_lateral_N_m = 3e6\n[suspension]\nbush_lateral_N_m = 1e6",
+            "suspension.bush_lateral_N_m: [vehicle] gives primary_lateral_N_m, too",
+        ),
+        ("[suspension]\nyaw_dampers = 2", "suspension.yaw_dampers: nothing needs it without yaw_damper_N_s_m"),
+        (
+            'vehicle = "metro"\n[suspension]\naxle_box_lateral_N_m = 1e6',
+            "suspension: a lone wheelset has none",
+        ),
+    ],
+)
+def test_suspension_that_does_not_fit_is_refused_with_its_key(text: str, said: str) -> None:
+    with pytest.raises(InputError, match=re.escape(said)):
+        read_vehicle(parse_toml(text, "parts.toml"))
