@@ -25,7 +25,8 @@ CC = shlex.split(os.environ.get("CC") or "cc")
 ZIG = bool(MACHINE) or not shutil.which(CC[0])
 if ZIG:  # by its target it takes no instruction that only this processor has, and binds to the C library of 2012
     CC = [sys.executable, "-m", "ziglang", "cc", "-target", f"{MACHINE or platform.machine()}-linux-gnu.2.17"]
-FLAGS = ["-std=c11", "-O3", "-g0", "-ffp-contract=off", "-fPIC", "-shared", "-Wall", "-Wextra", "-Wconversion"]
+FLAGS = ["-std=c11", "-O3", "-g0", "-ffp-contract=off", "-fPIC", "-fno-semantic-interposition", "-shared"]
+FLAGS += ["-Wall", "-Wextra", "-Wconversion"]
 
 
 class Library(build_ext):

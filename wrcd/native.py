@@ -10,8 +10,8 @@ from wrcd.errors import InputError
 
 _FOLDER = Path(__file__).parent
 _HINT = "install wrcd anew: it needs a C compiler, such as gcc"
-_pointer, _int, _long, _double = ctypes.c_void_p, ctypes.c_int, ctypes.c_int64, ctypes.c_double
-_text, _size = ctypes.c_char_p, ctypes.c_size_t
+_pointer, _text, _size = ctypes.c_void_p, ctypes.c_char_p, ctypes.c_size_t
+_int, _long, _double = ctypes.c_int, ctypes.c_int64, ctypes.c_double
 
 
 class _Field(ctypes.Structure):
@@ -50,15 +50,15 @@ _SIGNATURES: tuple[tuple[str, Any, *tuple[Any, ...]], ...] = (
     ("wrcd_repeats_doubted", _int, _double),
     ("wrcd_receive", _int, _int, _pointer, _int, _long, _pointer, _int, _pointer),
     ("wrcd_send", _int, _int, _pointer, _int),
+    ("wrcd_read_lines", None, _text, _long, _pointer, _long, _long, _pointer, _pointer),
+    ("wrcd_write_lines", _long, _pointer, _long, _long, _text, _pointer),
 )
 
 
 def sources() -> str:
     """A digest of the C files in this package: setup.py compiles it in, and a library of others is not used."""
-    digest = sha256()
-    for file in sorted(_FOLDER.glob("*/c/*.[ch]")):
-        digest.update(f"{file.relative_to(_FOLDER)}\0".encode() + file.read_bytes())
-    return digest.hexdigest()[:16]
+    files = sorted(_FOLDER.glob("*/c/*.[ch]"))
+    return sha256(b"".join(f"{f.relative_to(_FOLDER)}\0".encode() + f.read_bytes() for f in files)).hexdigest()[:16]
 
 
 def load(file: Path) -> ctypes.CDLL:

@@ -75,7 +75,7 @@ BUDGETS = {
     "sim_ecu/score": 3378,
     "systemd": 593,
     "wrcd": 260,
-    "wrcd/bus": 2740,
+    "wrcd/bus": 2760,
     "wrcd/cli": 1160,
     "wrcd/config": 2646,
     "wrcd/contract": 1312,

@@ -1,9 +1,11 @@
 """Lines of candump's log format, read and written."""
 
 import re
+from ctypes import create_string_buffer
 from typing import Any
 
-from wrcd.bus.frame import ERROR, EXTENDED, ID_BITS, Frame
+from wrcd.bus.frame import ERROR, ID_BITS, Frame
+from wrcd.native import library
 
 # (1700000000.123456) can0 091#0011223344556677 — with -N nine decimals; before 1970 with a sign; an id of 3 or 8
 # digits; R for remote and the length asked for; ## and a flag digit for CAN FD; _ and a DLC above 8 behind 8 bytes; and
@@ -60,12 +62,8 @@ def format_line(frame: Frame, channel: str) -> str:
 
 
 def format_lines(frames: Any, channel: str) -> str:
-    """The same of classical data frames, records with stamp_us, word, length and data, each with its line's end."""
-    data, lines = frames["data"].tobytes().hex().upper(), list[str]()
-    columns = zip(*(frames[name].tolist() for name in ("stamp_us", "word", "length")), strict=True)
-    for at, (stamp_us, word, length) in enumerate(columns):
-        ident = f"{word & ID_BITS:08X}" if word & EXTENDED else f"{word:03X}"
-        seconds, us = divmod(stamp_us, 1_000_000)
-        stamp = f"{seconds:010d}.{us:06d}" if stamp_us >= 0 else stamp_text(stamp_us)
-        lines.append(f"({stamp}) {channel} {ident}#{data[16 * at : 16 * at + 2 * length]}\n")
-    return "".join(lines)
+    """The same of classical data frames, an array of records that begin as wrcd_frame.h's, each with its line's end."""
+    between = f") {channel} ".encode()
+    text = create_string_buffer(len(frames) * (64 + len(between)))
+    size = library().wrcd_write_lines(frames.ctypes.data, frames.strides[0], len(frames), between, text)
+    return text.raw[:size].decode()

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrcd.bus.batch import FrameBatch
-from wrcd.bus.frame import EXTENDED, Frame
+from wrcd.bus.frame import EXTENDED, ID_BITS, Frame
+from wrcd.native import library
 
 IntArray = NDArray[np.int64]
 MIN_ROWS, MAX_ROWS = 32, 5000  # fewer at once are not worth it, more need memory
@@ -23,12 +24,6 @@ _RECORD, _FD_RECORD = (
 )
 _FD = 4  # a flag
 _ENDS = (18, 21)  # where the bracket behind a stamp of micro- or nanoseconds is
-_DIGITS = [*range(1, 11), *range(12, 18)]
-_POWERS = 10 ** np.arange(15, -1, -1, dtype=np.int64)
-_HEX = np.full(256, 255, dtype=np.uint8)
-for _digits, _first in ((b"0123456789", 0), (b"ABCDEF", 10), (b"abcdef", 10)):
-    for _k, _character in enumerate(_digits):
-        _HEX[_character] = _first + _k
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,51 +120,15 @@ def parse_lines(text: bytes) -> tuple[Stretch, NDArray[np.bool_], IntArray, IntA
 
     None where that is not worth it.
     """
-    buffer = np.frombuffer(text, dtype=np.uint8)
-    ends = np.flatnonzero(buffer == ord("\n"))
-    starts = np.concatenate(([0], ends[:-1] + 1))
-    lengths = ends - starts
-    # a direction behind the data
-    last = buffer[np.maximum(ends - 1, 0)]
-    directed = (buffer[np.maximum(ends - 2, 0)] == ord(" ")) & ((last == ord("R")) | (last == ord("T")))
-    lengths = np.where(directed, lengths - 2, lengths)
-    bracket = text.find(b")", _ENDS[0])
-    begin = bracket + 2  # of the channel
-    space = text.find(b" ", begin)
-    if len(ends) < MIN_ROWS or bracket not in _ENDS or space < 0 or space > begin + 16:
+    ends = np.flatnonzero(np.frombuffer(text, dtype=np.uint8) == ord("\n"))
+    bracket, begin = text.find(b") ", _ENDS[0]), text.find(b" ", _ENDS[0]) + 1
+    head = text.find(b" ", begin) + 1  # where the id begins
+    channel = text[begin : head - 1]
+    if len(ends) < MIN_ROWS or bracket not in _ENDS or not 0 < head <= begin + 17 or channel.split() != [channel]:
         return None
-    channel = text[begin:space]
-    if channel.split() != [channel]:
-        return None
-    head = begin + len(channel) + 1
-    digits_at = [*_DIGITS, *range(18, bracket)]
-    k = len(ends)
-    regular = np.zeros(k, dtype=bool)
-    stamps, ids, sizes = np.zeros(k, dtype=np.int64), np.zeros(k, dtype=np.int64), np.zeros(k, dtype=np.int64)
-    extended, data = np.zeros(k, dtype=bool), np.zeros((k, 8), dtype=np.uint8)
-    for length in np.unique(lengths):
-        rest = int(length) - head
-        digits = 8 if rest % 2 else 3
-        size = (rest - digits - 1) // 2
-        if not 0 <= size <= 8:
-            continue
-        rows = np.flatnonzero(lengths == length)
-        lines = buffer[starts[rows][:, None] + np.arange(length)]
-        numbers = lines[:, digits_at] - np.uint8(ord("0"))
-        nibbles = _HEX[lines[:, head:]]
-        mark = nibbles[:, digits].copy()
-        nibbles[:, digits] = 0
-        good = (lines[:, [0, 11, bracket, begin - 1]] == np.frombuffer(b"(.) ", dtype=np.uint8)).all(axis=1)
-        good &= (lines[:, begin:head] == np.frombuffer(channel + b" ", dtype=np.uint8)).all(axis=1)
-        good &= (lines[:, head + digits] == ord("#")) & (mark == 255)
-        good &= (numbers <= 9).all(axis=1) & (nibbles < 16).all(axis=1)
-        identifier = nibbles[:, :digits].astype(np.int64) @ (16 ** np.arange(digits - 1, -1, -1, dtype=np.int64))
-        good &= identifier <= (0x7FF if digits == 3 else 0x1FFFFFFF)
-        regular[rows] = good
-        stamps[rows] = numbers[:, :16].astype(np.int64) @ _POWERS
-        ids[rows] = identifier
-        sizes[rows], extended[rows] = size, digits == 8
-        payload = nibbles[:, digits + 1 :]
-        data[rows[:, None], np.arange(size)] = payload[:, ::2] << 4 | payload[:, 1::2]
-    whole = Stretch(channel.decode(errors="replace"), stamps, ids, extended, sizes, data)
-    return whole, regular, starts, ends
+    frames, regular = np.zeros(len(ends), dtype=_RECORD), np.zeros(len(ends), dtype=bool)
+    library().wrcd_read_lines(text, len(ends), ends.ctypes.data, bracket, head, frames.ctypes.data, regular.ctypes.data)
+    words, name = frames["word"], channel.decode(errors="replace")
+    ids, lengths = (words & ID_BITS).astype(np.int64), frames["length"].astype(np.int64)
+    whole = Stretch(name, frames["stamp_us"], ids, words >= EXTENDED, lengths, frames["data"])
+    return whole, regular, np.concatenate(([0], ends[:-1] + 1)), ends

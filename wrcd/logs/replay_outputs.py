@@ -1,8 +1,6 @@
 """The files that commands on a log write: checked before the first byte, removed again if nothing comes of them."""
 
 import contextlib
-import csv
-import math
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -20,7 +18,7 @@ from wrcd.core.configuration import Config
 from wrcd.core.core import Core
 from wrcd.core.design import Design
 from wrcd.core.events import COLUMNS as EVENT_COLUMNS
-from wrcd.core.events import csv_line
+from wrcd.core.events import csv_line, csv_time
 from wrcd.core.reports import Made
 from wrcd.errors import InputError, create
 from wrcd.logs.exports import GatherExports
@@ -29,7 +27,6 @@ from wrcd.logs.rule_sentences import sentence
 from wrcd.logs.story_events import NewChanges
 
 OPTIONS = {"-o": ".log", "--csv": ".csv", "--events": ".events.csv", "--mf4": ".mf4", "--mcap": ".mcap"}  # and suffixes
-_CAUSES = tuple(cause.words for cause in Cause)  # by their number
 SCREEN = Path("-")  # stands for standard output
 START_BYTES = 4096  # of a file that is asked whose it is
 
@@ -162,12 +159,20 @@ REASONS = ("winning_model", "dominant_rule", "rule_share")  # with --explain
 SIGNALS = ("Validity", "MuAvailable", "MuUsed", "ContactState", "Surface", "Confidence", "SampleAge")
 
 
+def quoted(text: str) -> str:
+    """A cell of CSV, one of several."""
+    return csv_line((text, ""))[:-2]
+
+
+_CAUSES = tuple(quoted(cause.words) for cause in Cause)  # by their number
+
+
 class AdhesionRows:
     """The CSV: what the Adhesion frames say, in the words of the DBC's value tables."""
 
     def __init__(self, file: IO[str], config: Config, explained: bool, part: Part) -> None:
-        self._writer = csv.writer(file, lineterminator="\n")
-        self._writer.writerow((*COLUMNS, *REASONS) if explained else COLUMNS)
+        self._file = file
+        self._file.write(csv_line((*COLUMNS, *REASONS) if explained else COLUMNS))
         self._design, self._explained = config.design, explained
         self._origin_us = part.origin_us
         self._messages: dict[int, tuple[Cells, int]] = {}  # by Frame.key
@@ -179,27 +184,23 @@ class AdhesionRows:
     def write(self, made: Made) -> None:
         """One row for an Adhesion frame, nothing for others."""
         frames = made.frames[np.isin(made.frames["word"], list(self._messages))]
-        reports = made.reports[frames["report"]]
-        estimates, stamps_us = reports["estimate"], frames["stamp_us"].tolist()
-        stamps = {us: _seconds(us - self._origin_us) for us in set(stamps_us)}
-        rows: list[Any] = [None] * len(frames)
+        stamps_us, of = frames["stamp_us"].tolist(), frames["report"]
+        stamps = {us: csv_time(us - self._origin_us) for us in set(stamps_us)}
+        rows = [""] * len(frames)
         for word, (cells, number) in self._messages.items():
             places = np.flatnonzero(frames["word"] == word)
             for at, row in zip(places.tolist(), cells.of(frames["data"][places]), strict=True):
-                rows[at] = [stamps[stamps_us[at]], number, *row]
-        known = (reports["has_estimate"], estimates["mu_available_pct"], estimates["half_width_pp"])
-        of = zip(frames["cause"].tolist(), *(x.tolist() for x in known), strict=True)
-        for row, (cause, *interval) in zip(rows, of, strict=True):
-            row += (_CAUSES[cause], *_interval(*interval))
+                rows[at] = f"{stamps[stamps_us[at]]},{number},{row}"
+        estimates, causes = made.reports["estimate"], frames["cause"].tolist()
+        intervals = _intervals(*(x[of] for x in (
+            made.reports["has_estimate"], estimates["mu_available_pct"], estimates["half_width_pp"]
+        )))  # fmt: skip
+        rows = [f"{row},{_CAUSES[cause]},{i}\n" for row, cause, i in zip(rows, causes, intervals, strict=True)]
         if self._explained:
-            for row, is_known, estimate in zip(rows, known[0].tolist(), estimates, strict=True):
-                row += _reasons(self._design, estimate if is_known else None)
-        self._writer.writerows(rows)
-
-
-def _seconds(us: int) -> str:
-    """Microseconds as seconds, exactly."""
-    return f"{'-' * (us < 0)}{abs(us) // 1_000_000}.{abs(us) % 1_000_000:06d}"
+            known = made.reports["has_estimate"][of].tolist()
+            why = (estimate if is_known else None for is_known, estimate in zip(known, estimates[of], strict=True))
+            rows = [f"{row[:-1]},{csv_line(_reasons(self._design, w))}" for row, w in zip(rows, why, strict=True)]
+        self._file.write("".join(rows))
 
 
 class Cells:
@@ -216,20 +217,20 @@ class Cells:
     @staticmethod
     def _words(sent: OutputSignal, at: Position) -> dict[int, str]:
         """What is known beforehand, by raw value as it lies in the frame."""
-        words = {raw & at.mask: word for word, raw in (sent.words or {}).items()}
+        words = {raw & at.mask: quoted(word) for word, raw in (sent.words or {}).items()}
         return words if sent.not_available is None else {sent.not_available & at.mask: "", **words}
 
-    def of(self, data: Any) -> Iterator[tuple[str, ...]]:
-        """Of each frame a text for each of SIGNALS, empty for those that the message lacks. data: its eight bytes."""
+    def of(self, data: Any) -> Iterator[str]:
+        """Of each frame the cells of SIGNALS, empty for those that the message lacks. data: its eight bytes."""
         length, out = self._message.length, [[""] * len(data)] * len(SIGNALS)
         numbers = {"little": data.view("<u8")[:, 0], "big": data.view(">u8")[:, 0] >> 8 * (8 - length)}
         for signal, at, texts, column in zip(self._known, self._positions, self._texts, self._columns, strict=True):
             raw = (numbers[at.order] >> at.shift & at.mask).tolist()
             for new in set(raw) - texts.keys():
                 decoded: Any = self._message.decode(data[raw.index(new)].tobytes()[:length])
-                texts[new] = _cell(decoded.get(signal.name), signal.factor, SIGNALS[column])
+                texts[new] = quoted(_cell(decoded.get(signal.name), signal.factor, SIGNALS[column]))
             out[column] = [texts[number] for number in raw]
-        return zip(*out, strict=True)
+        return map(",".join, zip(*out, strict=True))
 
 
 def _cell(value: Any, factor: float, of: str) -> str:
@@ -243,11 +244,11 @@ def _cell(value: Any, factor: float, of: str) -> str:
     return f"{value:.2f}" if isinstance(value, float) else str(value)
 
 
-def _interval(is_known: int, mu: float, half: float) -> list[str]:
-    """The 90 % interval that was estimated: its half-width in percentage points, its ends in percent."""
-    if not is_known or not math.isfinite(half):
-        return ["", "", ""]
-    return [f"{half:.2f}", f"{max(mu - half, 0.0):.2f}", f"{mu + half:.2f}"]
+def _intervals(is_known: Any, mu: Any, half: Any) -> Iterator[str]:
+    """The 90 % intervals that were estimated: half-width in percentage points, ends in percent."""
+    ends = zip(half.tolist(), np.maximum(mu - half, 0.0).tolist(), (mu + half).tolist(), strict=True)
+    known = ((is_known != 0) & np.isfinite(half)).tolist()
+    return (f"{h:.2f},{low:.2f},{high:.2f}" if k else ",," for k, (h, low, high) in zip(known, ends, strict=True))
 
 
 def _reasons(design: Design, why: Any) -> list[str]:

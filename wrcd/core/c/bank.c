@@ -4,6 +4,7 @@
 static const double MEMORY_S = 0.3; /* time constant: long against a cycle of the speed signal, short against a braking */
 static const double RATE_AFTER_TICKS = 20.0; /* before, the rate of change is not known from the noise */
 static const double MAX_ERROR_M_S = 1.5; /* a signal further away than this is another one: start with it */
+enum { PACKAGED_STATES = 7 }; /* of the multiple unit's design */
 static const double SPEED_STEP = 0.1;    /* m/s: matrices are made at multiples of this, and are linear between them */
 
 /* An alpha-beta filter: the speed and its rate, so that a steady acceleration leaves no lag. */
@@ -106,8 +107,8 @@ void wrcd_bank_at(wrcd_estimator *e, const wrcd_design *d, double speed_m_s, ban
 }
 
 /* One tick of an axle. What is not present counts as what the model predicts: its innovation is exactly zero. */
-void wrcd_bank_step(const bank_matrices *at, int s, double x[MODELS][WRCD_MAX_STATES], const double z[CHANNELS], bool present,
-               double innovation[MODELS][CHANNELS], double whitened[MODELS][CHANNELS])
+static inline void step(const bank_matrices *at, int s, double x[MODELS][WRCD_MAX_STATES], const double z[CHANNELS],
+                        bool present, double innovation[MODELS][CHANNELS], double whitened[MODELS][CHANNELS])
 {
     for (int k = 0; k < MODELS; k++) {
         double from[WRCD_MAX_STATES + CHANNELS], out[WRCD_MAX_STATES + 2 * CHANNELS] = {0.0};
@@ -130,4 +131,14 @@ void wrcd_bank_step(const bank_matrices *at, int s, double x[MODELS][WRCD_MAX_ST
             whitened[k][c] = present ? out[s + CHANNELS + c] : 0.0;
         }
     }
+}
+
+/* The same: a compiler that knows the number of states unrolls their loops. */
+void wrcd_bank_step(const bank_matrices *at, int s, double x[MODELS][WRCD_MAX_STATES], const double z[CHANNELS], bool present,
+               double innovation[MODELS][CHANNELS], double whitened[MODELS][CHANNELS])
+{
+    if (s == PACKAGED_STATES)
+        step(at, PACKAGED_STATES, x, z, present, innovation, whitened);
+    else
+        step(at, s, x, z, present, innovation, whitened);
 }

@@ -82,9 +82,9 @@ static void degrees_of(const wrcd_design *d, int input, double x, double degree[
  * changed by slopes as the inputs move away from the middle of the rule's sets (Takagi's and Sugeno's form). */
 void wrcd_rules_infer(const wrcd_design *d, const double inputs[WRCD_COLUMNS], rules_answer *answer)
 {
-    enum { SAID = 2 * (WRCD_COLUMNS + 1) };
-    double degree[WRCD_INPUTS][WRCD_MAX_SETS], weight[WRCD_MAX_RULES], said[SAID] = {0.0}, firing = 0.0, most = -1.0;
-    int heaviest = 0;
+    enum { SAID = 2 * (WRCD_COLUMNS + 1), AT_ONCE = SAID / 4 /* sums that a processor's registers hold */ };
+    double degree[WRCD_INPUTS][WRCD_MAX_SETS], weight[WRCD_MAX_RULES], said[SAID], firing = 0.0, most = -1.0;
+    int heaviest = 0, fired[WRCD_MAX_RULES], count = 0;
 
     for (int i = 0; i < WRCD_INPUTS; i++)
         degrees_of(d, i, inputs[i], degree[i]);
@@ -105,11 +105,16 @@ void wrcd_rules_infer(const wrcd_design *d, const double inputs[WRCD_COLUMNS], r
         return;
     }
     for (int r = 0; r < d->rules; r++) {
-        const double share = weight[r] / firing, *consequent = d->consequents + r * SAID;
-        if (share == 0.0)
-            continue;
-        for (int c = 0; c < SAID; c++)
-            said[c] += share * consequent[c];
+        weight[r] /= firing;
+        if (weight[r] != 0.0)
+            fired[count++] = r;
+    }
+    for (int c = 0; c < SAID; c += AT_ONCE) {
+        double sum[AT_ONCE] = {0.0};
+        for (int k = 0; k < count; k++)
+            for (int i = 0; i < AT_ONCE; i++)
+                sum[i] += weight[fired[k]] * d->consequents[fired[k] * SAID + c + i];
+        memcpy(said + c, sum, sizeof sum);
     }
     double both[2] = {said[WRCD_COLUMNS], said[SAID - 1]};
     for (int c = 0; c < WRCD_COLUMNS; c++) {
@@ -120,7 +125,7 @@ void wrcd_rules_infer(const wrcd_design *d, const double inputs[WRCD_COLUMNS], r
     answer->output = held(both[0], 0.0, 100.0);
     answer->spread = pow(10.0, held(both[1], LOG_SPREADS[0], LOG_SPREADS[1]));
     answer->rule = heaviest + 1;
-    answer->rule_share = weight[heaviest] / firing;
+    answer->rule_share = weight[heaviest];
 }
 
 /* What the rules say of the newest blocks. In a window shorter than the usual one the torque has changed: that of the moment
