@@ -231,14 +231,16 @@ static void softmax(const double log_odds[STATES], double p[STATES])
 /* Log of how much likelier features are in each state than of a sound pair. */
 void wrcd_health_evidence(const wrcd_health_table *h, const double x[WRCD_PAIR_FEATURES], double evidence[STATES])
 {
-    double unit[WRCD_MAX_HIDDEN];
+    const int n = h->hidden_units;
+    double unit[WRCD_MAX_HIDDEN], z[WRCD_PAIR_FEATURES];
 
-    memcpy(unit, h->hidden_bias, (size_t)h->hidden_units * sizeof *unit);
-    for (int f = 0; f < WRCD_PAIR_FEATURES; f++) {
-        const double z = held((x[f] - h->middle[f]) / h->scale[f], -MAX_FEATURE, MAX_FEATURE);
-        const double *weights = h->hidden + f * h->hidden_units;
-        for (int k = 0; k < h->hidden_units; k++)
-            unit[k] += z * weights[k];
+    memcpy(unit, h->hidden_bias, (size_t)n * sizeof *unit);
+    for (int f = 0; f < WRCD_PAIR_FEATURES; f++)
+        z[f] = held((x[f] - h->middle[f]) / h->scale[f], -MAX_FEATURE, MAX_FEATURE);
+    for (int f = 0; f < WRCD_PAIR_FEATURES; f += 2) { /* an even number; one by one they would go through memory twice as often */
+        const double *weights = h->hidden + f * n;
+        for (int k = 0; k < n; k++)
+            unit[k] = unit[k] + z[f] * weights[k] + z[f + 1] * weights[n + k];
     }
     memcpy(evidence, h->out_bias, STATES * sizeof *evidence);
     for (int k = 0; k < h->hidden_units; k++) {

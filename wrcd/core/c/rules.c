@@ -93,6 +93,8 @@ void wrcd_rules_infer(const wrcd_design *d, const double inputs[WRCD_COLUMNS], r
         weight[r] = degree[0][set[0]] * degree[1][set[1]] * (degree[2][set[2]] * degree[3][set[3]])
             * (degree[4][set[4]] * degree[5][set[5]]);
         firing += weight[r];
+        fired[count] = r;
+        count += weight[r] > 0.0;
         if (weight[r] > most) {
             most = weight[r];
             heaviest = r;
@@ -104,11 +106,8 @@ void wrcd_rules_infer(const wrcd_design *d, const double inputs[WRCD_COLUMNS], r
         answer->rule = 0;
         return;
     }
-    for (int r = 0; r < d->rules; r++) {
-        weight[r] /= firing;
-        if (weight[r] != 0.0)
-            fired[count++] = r;
-    }
+    for (int k = 0; k < count; k++)
+        weight[fired[k]] /= firing;
     for (int c = 0; c < SAID; c += AT_ONCE) {
         double sum[AT_ONCE] = {0.0};
         for (int k = 0; k < count; k++)
