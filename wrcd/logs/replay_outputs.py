@@ -226,7 +226,7 @@ class Cells:
         numbers = {"little": data.view("<u8")[:, 0], "big": data.view(">u8")[:, 0] >> 8 * (8 - length)}
         for signal, at, texts, column in zip(self._known, self._positions, self._texts, self._columns, strict=True):
             raw = (numbers[at.order] >> at.shift & at.mask).tolist()
-            for new in set(raw) - texts.keys():
+            for new in set(raw).difference(texts):  # of a set less keys each key is looked at
                 decoded: Any = self._message.decode(data[raw.index(new)].tobytes()[:length])
                 texts[new] = quoted(_cell(decoded.get(signal.name), signal.factor, SIGNALS[column]))
             out[column] = [texts[number] for number in raw]
