@@ -237,7 +237,7 @@ void wrcd_health_evidence(const wrcd_health_table *h, const double x[WRCD_PAIR_F
     memcpy(unit, h->hidden_bias, (size_t)n * sizeof *unit);
     for (int f = 0; f < WRCD_PAIR_FEATURES; f++)
         z[f] = held((x[f] - h->middle[f]) / h->scale[f], -MAX_FEATURE, MAX_FEATURE);
-    for (int f = 0; f < WRCD_PAIR_FEATURES; f += 2) { /* an even number; one by one they would go through memory twice as often */
+    for (int f = 0; f < WRCD_PAIR_FEATURES; f += 2) { /* an even number: half the ways to memory and back */
         const double *weights = h->hidden + f * n;
         for (int k = 0; k < n; k++)
             unit[k] = unit[k] + z[f] * weights[k] + z[f + 1] * weights[n + k];

@@ -29,13 +29,15 @@ static bool is_read(const char *line, int64_t length, const char *first, int64_t
     const int64_t rest = length - (directed ? 2 : 0) - head, digits = rest % 2 ? 8 : 3, bytes = (rest - digits - 1) / 2;
     int64_t id = 0, nanoseconds = 0;
 
-    if (rest <= digits || bytes > 8 || line[0] != '(' || line[11] != '.' || memcmp(line + bracket, first + bracket, (size_t)(head - bracket)) != 0)
+    if (rest <= digits || bytes > 8 || line[0] != '(' || line[11] != '.'
+        || memcmp(line + bracket, first + bracket, (size_t)(head - bracket)) != 0)
         return false;
-    bool is_good = number_of(line + 1, 10, 9, &f->stamp_us) & number_of(line + 12, 6, 9, &f->stamp_us)
-        & number_of(line + 18, bracket - 18, 9, &nanoseconds) & number_of(line + head, digits, 15, &id) & (line[head + digits] == '#');
+    bool is_good = number_of(line + 1, 10, 9, &f->stamp_us) && number_of(line + 12, 6, 9, &f->stamp_us)
+        && number_of(line + 18, bracket - 18, 9, &nanoseconds) && number_of(line + head, digits, 15, &id)
+        && line[head + digits] == '#';
     for (int64_t k = 0; k < bytes; k++) {
         int64_t byte = 0;
-        is_good &= number_of(line + head + digits + 1 + 2 * k, 2, 15, &byte);
+        is_good = number_of(line + head + digits + 1 + 2 * k, 2, 15, &byte) && is_good;
         f->data[k] = (uint8_t)byte;
     }
     f->word = (uint32_t)id | (digits == 8 ? 0x80000000U : 0U);
