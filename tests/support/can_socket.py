@@ -7,6 +7,7 @@ from collections import deque
 from types import SimpleNamespace
 from typing import Any
 
+from wrcd import native
 from wrcd.bus import socketcan
 from wrcd.bus.batch import word_of
 from wrcd.bus.frame import ERROR, Frame
@@ -17,15 +18,13 @@ from wrcd.bus.rawcan import (
     FD_FRAME,
     FILTER,
     FRAME,
-    MSG_CONFIRM,
 )
 
 CHANNEL = "lo"  # rtnetlink tells of an interface that is up
 
 
 class CanSocket(socket.socket):
-    """Keeps the options of a raw CAN socket, tells one by one of its own frames that have left, and fails as a test
-    says."""
+    """Keeps the options of a raw CAN socket, tells of its own frames that have left, and fails as a test says."""
 
     is_there = True  # whether its device is, to bind to
     is_leaving = False  # its device is just being taken away: options cannot be set, and reading says so a moment later
@@ -36,7 +35,7 @@ class CanSocket(socket.socket):
         super().__init__(fileno=end.detach())
         self.options: dict[int, Any] = {}
         self.refuses = deque[int]()  # errors of the next frames to be sent, 0 where one is taken
-        self._left = 0
+        self.left = 0  # of its own frames, since that was told
 
     def bind(self, _: Any) -> None:
         if not self.is_there:
@@ -51,24 +50,43 @@ class CanSocket(socket.socket):
         else:
             self.options[option] = value
 
-    def send(self, data: Any, *_: Any) -> int:
-        if self.refuses and (number := self.refuses.popleft()):
-            raise _error(number)
-        sent = super().send(data)
-        self._left += self.options[CAN_RAW_RECV_OWN_MSGS]
-        return sent
-
-    def recvmsg(self, *sizes: Any) -> Any:
-        if self.is_gone or self.holds_frames:
-            raise _error(errno.ENODEV if self.is_gone else errno.EAGAIN)
-        if self._left:
-            self._left -= 1
-            return b"", [], MSG_CONFIRM, None
-        return super().recvmsg(*sizes)
-
 
 def _error(number: int) -> OSError:
     return OSError(number, os.strerror(number))
+
+
+class Library:
+    """The library in C, asked for sockets of this kind: of what they refuse it knows nothing."""
+
+    def __init__(self, sockets: list[CanSocket]) -> None:
+        self._sockets = sockets
+
+    def wrcd_receive(self, fd: int, *given: Any) -> int:
+        """Frames that have come."""
+        s, said = self._of(fd), given[-1]._obj
+        if s.is_gone or s.holds_frames:
+            said.error, said.confirmed, said.odd, said.lost = errno.ENODEV if s.is_gone else 0, 0, 0, 0
+            return 0
+        count = int(native.library().wrcd_receive(fd, *given))
+        said.confirmed, s.left = s.left, 0
+        return count
+
+    def wrcd_send(self, fd: int, records: bytes, size: int, count: int) -> int:
+        """Frames one by one, up to the first that is refused."""
+        s, sent = self._of(fd), 0
+        while sent < count:
+            number = s.refuses.popleft() if s.refuses else 0
+            went = -number if number else int(native.library().wrcd_send(fd, records[sent * size :], size, 1))
+            if went < 0:
+                if number and sent:
+                    s.refuses.appendleft(number)
+                return sent or went
+            sent += 1
+            s.left += s.options[CAN_RAW_RECV_OWN_MSGS]
+        return sent
+
+    def _of(self, fd: int) -> CanSocket:
+        return next(s for s in self._sockets if s.fileno() == fd)
 
 
 class CanBus:
@@ -79,6 +97,7 @@ class CanBus:
         self.sockets: list[CanSocket] = []
         self._far: list[socket.socket] = []
         self.module: Any = stand_in(self._make)  # to be put in the place of socketcan.socket
+        self.library = Library(self.sockets)  # likewise of what socketcan.library returns
 
     def _make(self, *_: int) -> CanSocket:
         ours, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)  # its queue can be full

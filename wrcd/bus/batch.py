@@ -7,16 +7,16 @@ from wrcd.bus.frame import ERROR, EXTENDED, ID_BITS, REMOTE, STANDARD_BITS, Fram
 
 RECORD = struct.Struct("=qIBBH8s")  # stamp, the kernel's word, length, flags, reserved, data
 FD_RECORD = struct.Struct("=qIBBH64s")
-_FD = 4  # a flag
+_FD, _FD_BITS = 4, 3  # flags
 
 
 class FrameBatch:
     """Frames that are made only when they are looked at. records: one behind the other, RECORD's or FD_RECORD's."""
 
-    __slots__ = ("_kind", "records")
+    __slots__ = ("kind", "records")
 
     def __init__(self, records: bytes, fd: bool = False) -> None:
-        self.records, self._kind = records, FD_RECORD if fd else RECORD
+        self.records, self.kind = records, FD_RECORD if fd else RECORD
 
     @classmethod
     def of(cls, frames: Sequence[Frame]) -> "FrameBatch":
@@ -28,40 +28,41 @@ class FrameBatch:
     @property
     def stride(self) -> int:
         """Bytes of a record."""
-        return self._kind.size
+        return self.kind.size
 
     def __len__(self) -> int:
-        return len(self.records) // self._kind.size
+        return len(self.records) // self.kind.size
 
     def __iter__(self) -> Iterator[Frame]:
-        for stamp_us, word, length, flags, _, data in self._kind.iter_unpack(self.records):
-            yield frame_of(stamp_us, word, data[:length], bool(flags & _FD))
+        for stamp_us, word, length, flags, _, data in self.kind.iter_unpack(self.records):
+            yield frame_of(stamp_us, word, data[:length], flags)
 
     def frame(self, k: int) -> Frame:
         """The k-th of them."""
-        stamp_us, word, length, flags, _, data = self._kind.unpack_from(self.records, k * self._kind.size)
-        return frame_of(stamp_us, word, data[:length], bool(flags & _FD))
+        stamp_us, word, length, flags, _, data = self.kind.unpack_from(self.records, k * self.stride)
+        return frame_of(stamp_us, word, data[:length], flags)
 
 
-def joined(first: FrameBatch | list[Frame], second: FrameBatch | list[Frame]) -> FrameBatch | list[Frame]:
+def joined(first: FrameBatch, second: FrameBatch) -> FrameBatch:
     """One behind the other."""
     if not first:
         return second
-    if isinstance(first, FrameBatch) and isinstance(second, FrameBatch) and first.stride == second.stride:
-        return FrameBatch(first.records + second.records, first.stride == FD_RECORD.size)
-    return [*first, *second]
+    if first.kind is second.kind:
+        return FrameBatch(first.records + second.records, first.kind is FD_RECORD)
+    return FrameBatch.of([*first, *second])
 
 
-def frame_of(stamp_us: int, word: int, data: bytes, fd: bool = False) -> Frame:
+def frame_of(stamp_us: int, word: int, data: bytes, flags: int = 0) -> Frame:
     """The frame of the kernel's word and so many bytes."""
     number = word & (ID_BITS if word & (EXTENDED | ERROR) else STANDARD_BITS)
-    if number == word and not fd:
+    if number == word and not flags:
         return Frame(stamp_us, number, data)
     if word & ERROR:
         return Frame(stamp_us, number, data, error=True)
     if word & REMOTE:  # it asks for so many bytes, and has none
         return Frame(stamp_us, number, b"", bool(word & EXTENDED), remote=True, extra=len(data))
-    return Frame(stamp_us, number, data, extended=bool(word & EXTENDED), fd=fd)
+    fd = bool(flags & _FD)
+    return Frame(stamp_us, number, data, extended=bool(word & EXTENDED), fd=fd, extra=flags & _FD_BITS)
 
 
 def word_of(f: Frame) -> int:
@@ -70,4 +71,5 @@ def word_of(f: Frame) -> int:
 
 
 def _record(kind: struct.Struct, f: Frame) -> bytes:
-    return kind.pack(f.stamp_us, word_of(f), f.extra if f.remote else len(f.data), _FD * f.fd, 0, f.data)
+    flags = _FD | f.extra & _FD_BITS if f.fd else 0
+    return kind.pack(f.stamp_us, word_of(f), f.extra if f.remote else len(f.data), flags, 0, f.data)

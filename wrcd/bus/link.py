@@ -56,7 +56,7 @@ class Link(Protocol):
     def send(self, frame: Frame) -> bool:
         """Send at once or not at all: a frame that has to queue would arrive stale."""
 
-    def send_all(self, frames: Sequence[Frame]) -> list[bool]:
+    def send_all(self, frames: FrameBatch | Sequence[Frame]) -> list[bool]:
         """Send a slot's frames, each at once or not at all. Returns which have been sent."""
         return [self.send(frame) for frame in frames]
 

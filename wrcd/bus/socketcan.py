@@ -1,28 +1,21 @@
-"""SocketCAN on the standard library's socket: exact time stamps, kernel filters, counted drops.
-
-Many frames a system call; one by one of CAN FD and with hardware stamps.
-"""
+"""SocketCAN on the standard library's socket: exact time stamps, kernel filters, counted drops; many frames a system
+call."""
 
 import ctypes
 import errno
-import os
 import socket
 import struct
 from collections.abc import Sequence
 
-from wrcd.bus.batch import RECORD, FrameBatch, frame_of, joined, word_of
-from wrcd.bus.frame import ERROR, REMOTE, Frame
+from wrcd.bus.batch import FD_RECORD, RECORD, FrameBatch, joined
+from wrcd.bus.frame import ERROR, Frame
 from wrcd.bus.link import MAX_FRAMES, Link, LinkHealth
 from wrcd.bus.rawcan import (
     ALL_ERRORS,
     CAN_RAW_ERR_FILTER,
     CAN_RAW_FD_FRAMES,
     CAN_RAW_RECV_OWN_MSGS,
-    FD_BITS,
-    FD_FRAME,
-    FRAME,
     GONE,
-    MSG_CONFIRM,
     RAW_HARDWARE,
     RX_HARDWARE,
     RX_SOFTWARE,
@@ -33,7 +26,6 @@ from wrcd.bus.rawcan import (
     Controller,
     HardwareClock,
     only_word,
-    parse_ancillary,
 )
 from wrcd.bus.rtnetlink import LinkEvent, open_events
 from wrcd.errors import BusError
@@ -61,7 +53,6 @@ class SocketCanLink(Link):
     waits for those before it: a rig's sensors do not wait for each other."""
 
     stamps_arrivals = True
-    _in_batches = True  # the socket is the kernel's, which the library in C asks
 
     def __init__(self, channel: str, keys: tuple[int, ...] | None, fd: bool = False, confirm: bool = True) -> None:
         self.name = f"socketcan:{channel}"
@@ -77,8 +68,9 @@ class SocketCanLink(Link):
         self._sending = True  # whether the newest slot is
         self._unconfirmed = 0  # frames of it that have not left yet
         self._confirms = False  # whether this interface tells when a frame has left
-        self._early: FrameBatch | list[Frame] = []  # received while looking for that
-        self._records = ctypes.create_string_buffer(MAX_FRAMES * RECORD.size)  # of a look
+        self._early = FrameBatch(b"")  # received while looking for that
+        self._records = ctypes.create_string_buffer(MAX_FRAMES * FD_RECORD.size)  # of a look
+        self._said = _Received()
         if not hasattr(socket, "AF_CAN"):
             from wrcd.bus.opening_hints import no_socketcan
 
@@ -134,12 +126,12 @@ class SocketCanLink(Link):
         soon as it is back."""
         return list(self.receive_batch(now_us))
 
-    def receive_batch(self, now_us: int) -> FrameBatch | list[Frame]:
-        """The same, of classical frames without one Python object for each."""
+    def receive_batch(self, now_us: int) -> FrameBatch:
+        """The same without one Python object for each."""
         came = self._follow(now_us)
         if self._socket is None:
             self._reopen(now_us, came)
-        early, self._early = self._early, []
+        early, self._early = self._early, FrameBatch(b"")
         frames = self._read(now_us, MAX_FRAMES - len(early))
         if self._socket is not None and (mask := self._controller.mask(now_us)) is not None:
             self._set(CAN_RAW_ERR_FILTER, mask, now_us)
@@ -159,51 +151,24 @@ class SocketCanLink(Link):
                 self._lose(now_us)
         return came
 
-    def _read(self, now_us: int, most: int) -> FrameBatch | list[Frame]:
-        if not self._in_batches or self._fd or self._hardware is not None:
-            return self._read_one_by_one(now_us, most)
-        c = library()
-        own, said, size, begin = struct.pack(f"={len(self._own)}I", *self._own), _Received(), RECORD.size, 0
+    def _read(self, now_us: int, most: int) -> FrameBatch:
+        kind = FD_RECORD if self._fd else RECORD
+        own, said, size, begin = struct.pack(f"={len(self._own)}I", *self._own), self._said, kind.size, 0
+        clock = None if self._hardware is None else ctypes.byref(self._hardware)
         while self._socket is not None:
             fd, room, left = self._socket.fileno(), ctypes.byref(self._records, begin * size), most - begin
-            count = c.wrcd_receive(fd, room, left, now_us, own, len(self._own), ctypes.byref(said))
+            count = library().wrcd_receive(fd, room, size, left, now_us, own, len(self._own), clock, ctypes.byref(said))
             self._note_left(said.confirmed)
             self._note_lost(said.lost)
             if said.odd:
-                came = ctypes.string_at(room, count * size)
-                for stamp_us, word, length, _, _, data in RECORD.iter_unpack(came):
+                for stamp_us, word, length, _, _, data in kind.iter_unpack(ctypes.string_at(room, count * size)):
                     self._note(word, data[:length], stamp_us)
             elif count:
                 self._down = self._controller.bus_off = False
             begin += count
             if not said.error or not self._goes_on(said.error, now_us):
                 break
-        return FrameBatch(ctypes.string_at(self._records, begin * size))
-
-    def _read_one_by_one(self, now_us: int, most: int) -> list[Frame]:
-        frames: list[Frame] = []
-        size = FD_FRAME.size if self._fd else FRAME.size
-        while self._socket is not None and len(frames) < most:
-            try:
-                data, extra, flags, _ = self._socket.recvmsg(size, 256)
-            except BlockingIOError:
-                break
-            except OSError as e:
-                if not self._goes_on(e.errno, now_us):
-                    break
-                continue
-            if flags & MSG_CONFIRM:  # one of ours has left
-                self._note_left(1)
-            elif len(data) == FRAME.size:
-                word, length, payload = FRAME.unpack(data)
-                frames.append(frame_of(self._take(word, payload[:length], extra, now_us), word, payload[:length]))
-            elif len(data) == FD_FRAME.size:
-                word, length, bits, payload = FD_FRAME.unpack(data)
-                word &= ~REMOTE
-                frame = frame_of(self._take(word, payload[:length], extra, now_us), word, payload[:length])
-                frame.fd, frame.extra = True, bits & FD_BITS
-                frames.append(frame)
-        return frames
+        return FrameBatch(ctypes.string_at(self._records, begin * size), self._fd)
 
     def _goes_on(self, error: int | None, now_us: int) -> bool:
         """Whether to read on after an error."""
@@ -235,15 +200,6 @@ class SocketCanLink(Link):
             if e.errno not in (*GONE, errno.ENETDOWN):
                 raise
             self._trouble(e.errno, now_us)
-
-    def _take(self, word: int, payload: bytes, extra: list[tuple[int, int, bytes]], now_us: int) -> int:
-        """Note a frame. Returns its time stamp in µs."""
-        stamp_us, hardware_us, lost = parse_ancillary(extra, now_us)
-        if self._hardware is not None:
-            stamp_us = self._hardware.to_kernel_time(hardware_us, stamp_us)
-        self._note_lost(lost or 0)
-        self._note(word, payload, stamp_us)
-        return stamp_us
 
     def _note(self, word: int, payload: bytes, stamp_us: int) -> None:
         """What a frame tells of the bus."""
@@ -311,7 +267,7 @@ class SocketCanLink(Link):
         """Send at once or drop and count."""
         return self.send_all([frame])[0]
 
-    def send_all(self, frames: Sequence[Frame]) -> list[bool]:
+    def send_all(self, frames: FrameBatch | Sequence[Frame]) -> list[bool]:
         """Send a slot's frames at once, or drop and count each that cannot be. Returns which have been sent.
 
         The first send after a link was down may fail on a latched error: again. Off the bus nothing is sent: the kernel
@@ -320,36 +276,30 @@ class SocketCanLink(Link):
         """
         if not frames:
             return []
-        words, stamp_us, went = map(word_of, frames), frames[0].stamp_us, [False] * len(frames)
-        if new := set(words).difference(self._own):
+        batch = frames if isinstance(frames, FrameBatch) else FrameBatch.of(frames)
+        rows = list(batch.kind.iter_unpack(batch.records))
+        stamp_us, count, size, went = rows[0][0], len(rows), batch.stride, list[bool]()
+        if new := {row[1] for row in rows}.difference(self._own):
             self._own = (*self._own, *sorted(new))
             self._set(socket.CAN_RAW_FILTER, self._filters(), stamp_us)
-        at, again = 0 if self._open_slot(stamp_us) else len(frames), True
-        while at < len(frames) and self._socket is not None:
-            try:
-                sent = self._put(self._socket, frames[at:])
-            except OSError as e:
-                full = e.errno in (errno.ENOBUFS, errno.EAGAIN)
-                if not full and e.errno != errno.EINTR:
-                    self._trouble(e.errno, stamp_us)
-                at, again = at + (full or not again), full or not again
+        again = may = self._open_slot(stamp_us)
+        while may and len(went) < count and self._socket is not None:
+            at = len(went)
+            sent = library().wrcd_send(self._socket.fileno(), batch.records[at * size :], size, count - at)
+            if sent < 0:
+                full = -sent in (errno.ENOBUFS, errno.EAGAIN)
+                if not full and sent != -errno.EINTR:
+                    self._trouble(-sent, stamp_us)
+                went += [False] * (full or not again)
+                again = full or not again
                 continue
-            went[at : at + sent] = [True] * sent
+            went += [True] * sent
             self._unconfirmed += sent
-            self._down, at, again = False, at + sent, True
+            self._down, again = False, True
+        went += [False] * (count - len(went))
         self._tell()
         self.health.unsent += went.count(False)
         return went
-
-    def _put(self, s: socket.socket, frames: Sequence[Frame]) -> int:
-        """Returns how many have been sent, one at least. Raises OSError where not even the first was."""
-        if not self._in_batches or len(frames) == 1:
-            s.send(FRAME.pack(word_of(frames[0]), len(frames[0].data), frames[0].data))
-            return 1
-        sent = int(library().wrcd_send(s.fileno(), FrameBatch.of(frames).records, len(frames)))
-        if sent < 0:
-            raise OSError(-sent, os.strerror(-sent))
-        return sent
 
     def _open_slot(self, stamp_us: int) -> bool:
         """Whether frames of a slot may be sent."""

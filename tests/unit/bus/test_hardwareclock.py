@@ -1,14 +1,34 @@
 """A controller's own clock, laid on the kernel's."""
 
+import ctypes
 import random
 import socket
 import struct
 
 import pytest
 
-from wrcd.bus.rawcan import SO_RXQ_OVFL, SO_TIMESTAMPING, SO_TIMESTAMPNS, HardwareClock, parse_ancillary
+from wrcd.bus import rawcan
+from wrcd.bus.rawcan import SO_RXQ_OVFL, SO_TIMESTAMPING, SO_TIMESTAMPNS
+from wrcd.native import library
 
 START = 1_700_000_000_000_000
+
+
+class HardwareClock(rawcan.HardwareClock):
+    """Asked for one stamp after another."""
+
+    def to_kernel_time(self, raw_us: int, kernel_us: int) -> int:
+        return int(library().wrcd_to_kernel_time(ctypes.byref(self), raw_us, kernel_us))
+
+
+def beside(now_us: int, *of: tuple[int, int, bytes]) -> tuple[int, ...]:
+    """The kernel's stamp, the controller's and the frames lost, of what recvmsg gives beside a frame."""
+    control = b"".join(
+        struct.pack("@Nii", 16 + len(data), level, kind) + data + bytes(-len(data) % 8) for level, kind, data in of
+    )
+    found = (ctypes.c_int64 * 3)(now_us)
+    library().wrcd_look_beside(control, len(control), found)
+    return tuple(found)
 
 
 @pytest.mark.parametrize("ppm", [-50, 0, 50])
@@ -52,12 +72,12 @@ def test_ancillary_data_give_kernel_stamp_controller_stamp_and_losses() -> None:
     both = (socket.SOL_SOCKET, SO_TIMESTAMPING, stamps(100.0, 0.0, 7.5))
     kernel_alone = (socket.SOL_SOCKET, SO_TIMESTAMPING, stamps(100.5, 0.0, 0.0))
     lost = (socket.SOL_SOCKET, SO_RXQ_OVFL, struct.pack("=I", 0xFFFFFFFF))
-    assert parse_ancillary([], 5) == (5, 0, None)
-    assert parse_ancillary([kernel], 5) == (12_250_000, 0, None)
-    assert parse_ancillary([(99, SO_TIMESTAMPNS, stamps(12.25))], 5) == (5, 0, None)  # of another level
-    assert parse_ancillary([both], 5) == (100_000_000, 7_500_000, None)
-    assert parse_ancillary([kernel_alone], 5) == (100_500_000, 0, None)
-    assert parse_ancillary([lost, kernel], 5) == (12_250_000, 0, 0xFFFFFFFF)
+    assert beside(5) == (5, 0, 0)
+    assert beside(5, kernel) == (12_250_000, 0, 0)
+    assert beside(5, (99, SO_TIMESTAMPNS, stamps(12.25))) == (5, 0, 0)  # of another level
+    assert beside(5, both) == (100_000_000, 7_500_000, 0)
+    assert beside(5, kernel_alone) == (100_500_000, 0, 0)
+    assert beside(5, lost, kernel) == (12_250_000, 0, 0xFFFFFFFF)
 
 
 def test_controller_stamp_is_mapped_to_kernel_time() -> None:

@@ -42,7 +42,7 @@ class Bus(CanBus):
 def bus(monkeypatch: pytest.MonkeyPatch) -> Iterator[Bus]:
     made = Bus()
     monkeypatch.setattr(socketcan, "socket", made.module)
-    monkeypatch.setattr(SocketCanLink, "_in_batches", False)  # the library would not ask the stand-in
+    monkeypatch.setattr(socketcan, "library", lambda: made.library)
     monkeypatch.setattr(socketcan, "open_events", lambda _: SimpleNamespace(read=made.said, close=lambda: None))
     yield made
     made.close()

@@ -4,8 +4,8 @@
 
 #include <stdint.h>
 
-/* Flags; a core looks at FD alone. */
-enum { WRCD_CONFIRM = 1, /* one of ours has left */ WRCD_UNSTAMPED = 2 /* the kernel gave no time stamp */, WRCD_FD = 4 };
+/* Flags; a core looks at FD alone. Of CAN FD: bit rate switched, sender error passive. */
+enum { WRCD_FD = 4, WRCD_FD_BITS = 3 };
 
 typedef struct {
     int64_t stamp_us; /* since 1970, truncated */
