@@ -223,9 +223,8 @@ class Daemon:
 
 def running(_: dict[str, Path]) -> Iterator[str]:
     """The daemon of this tree on four axles' frames in real time, over a pair of sockets in the place of a CAN bus."""
-    from tests.support.can_socket import pair
+    from tests.support.can_socket import FRAME, pair
     from tests.support.stretch import START_US, frames
-    from wrcd.bus.rawcan import FRAME
 
     yield "| `wrcd run`, four axles in real time | |\n|---|---|"
     inside, outside = pair()

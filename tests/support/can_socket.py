@@ -3,6 +3,7 @@
 import errno
 import os
 import socket
+import struct
 from collections import deque
 from types import SimpleNamespace
 from typing import Any
@@ -15,11 +16,11 @@ from wrcd.bus.rawcan import (
     CAN_RAW_ERR_FILTER,
     CAN_RAW_FD_FRAMES,
     CAN_RAW_RECV_OWN_MSGS,
-    FD_FRAME,
     FILTER,
-    FRAME,
 )
 
+FRAME = struct.Struct("=IB3x8s")  # struct can_frame
+FD_FRAME = struct.Struct("=IBB2x64s")  # struct canfd_frame
 CHANNEL = "lo"  # rtnetlink tells of an interface that is up
 
 

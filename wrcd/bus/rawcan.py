@@ -11,8 +11,6 @@ import struct
 from wrcd.bus.frame import EXTENDED, GROUP, mask_of
 from wrcd.bus.link import LinkHealth
 
-FRAME = struct.Struct("=IB3x8s")  # struct can_frame
-FD_FRAME = struct.Struct("=IBB2x64s")  # struct canfd_frame
 FILTER = struct.Struct("=II")  # struct can_filter
 # Not all of these have names in the socket module.
 SO_TIMESTAMPNS = 35

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from wrcd.bus.batch import frame_of
+from wrcd.bus.batch import RECORD, FrameBatch
 from wrcd.bus.frame import Frame
 from wrcd.bus.writers import Value
 from wrcd.core.causes import Cause, Validity
@@ -98,6 +98,12 @@ class Made(Sequence[Outgoing]):
         later["report"][later["report"] >= 0] += len(self.reports)
         return Made(np.concatenate([self.frames, later]), np.concatenate([self.reports, other.reports]))
 
+    def batch(self, places: Any = slice(None)) -> FrameBatch:
+        """The frames at some places, as a link sends them."""
+        size = self.frames.dtype.itemsize
+        head = np.dtype({"names": ["frame"], "formats": [f"V{RECORD.size}"], "itemsize": size})
+        return FrameBatch(self.frames.view(head)["frame"][places].tobytes())
+
     def __len__(self) -> int:
         return len(self.frames)
 
@@ -105,8 +111,6 @@ class Made(Sequence[Outgoing]):
         return list(self)[k]
 
     def __iter__(self) -> Iterator[Outgoing]:
-        columns = (self.frames[name].tolist() for name in ("stamp_us", "word", "length", "cause", "cycle_us", "report"))
-        data, width = self.frames["data"].tobytes(), self.frames["data"].shape[1]
-        for k, (stamp_us, word, length, cause, cycle_us, of) in enumerate(zip(*columns, strict=True)):
-            frame = frame_of(stamp_us, word, data[width * k : width * k + length])
+        columns = (self.frames[name].tolist() for name in ("cycle_us", "cause", "report"))
+        for frame, cycle_us, cause, of in zip(self.batch(), *columns, strict=True):
             yield Outgoing(frame, cycle_us, _CAUSES[cause], self.reports, of)

@@ -3,15 +3,15 @@
 import gc
 import signal
 import time
-from collections.abc import Callable, Sequence
-from itertools import groupby
+from collections.abc import Callable, Iterator, Sequence
+from itertools import compress, groupby
 from types import FrameType
 
 from wrcd.bus.batch import FrameBatch
 from wrcd.bus.frame import Frame
 from wrcd.bus.link import Link
 from wrcd.core.core import BACKWARD_STEP_US, FORWARD_STEP_US, Core
-from wrcd.core.reports import Outgoing
+from wrcd.core.reports import Made
 from wrcd.recorder.recorder import Recorder
 from wrcd.service.journal import CounterLog, log_line
 from wrcd.service.notify import Notifier
@@ -87,22 +87,22 @@ class Daemon:
         """Take all frames there are, close the ticks that are over, send what is due."""
         # both at once: what lies between them while frames are read on a busy computer would look like a step
         now, steady_us = self._clock(), self._monotonic()
-        out: list[Outgoing] = []
+        out: list[Made] = []
         counts = self.core.counts
         before, ticks = counts.seen, counts.ticks
         frames = self.link.receive_batch(now)
         stood_us = steady_us - self._advanced_us
         if stood_us <= FORWARD_STEP_US:
-            out += self._feed(frames)
+            out.append(self._feed(frames))
         else:
             for frame in frames:
-                out += self._bridge(frame.stamp_us, stood_us) + self._feed([frame])
+                out += [*self._bridge(frame.stamp_us, stood_us), self._feed([frame])]
         self._silent = self._silent_ticks(now, found=counts.seen > before)
         if self._silent >= SILENT_TICKS:
-            out += self._bridge(now - SETTLE_US, stood_us)
-            out += self.core.advance(now - SETTLE_US)
+            out += [*self._bridge(now - SETTLE_US, stood_us), self.core.advance(now - SETTLE_US)]
         self._note_time(now, steady_us)
-        self._send(out)
+        for made in out:
+            self._send(made)
         self._look_after(now, in_time=counts.ticks > ticks and self._in_time())
         self._turn_us, self._paused = self._next_turn()
 
@@ -115,21 +115,17 @@ class Daemon:
         past = (self._turn_us - self.core.newest_us) // self._period_us
         return past if 0 <= past < slept else 0
 
-    def _feed(self, frames: FrameBatch | Sequence[Frame]) -> list[Outgoing]:
+    def _feed(self, frames: FrameBatch | Sequence[Frame]) -> Made:
         if self._recorder is not None:
             self._recorder.received(frames)
-        if isinstance(frames, FrameBatch):
-            return list(self.core.feed(frames))
-        return [o for frame in frames for o in self.core.feed(frame)]
+        return self.core.feed(frames)
 
-    def _bridge(self, until_us: int, stood_us: int) -> list[Outgoing]:
+    def _bridge(self, until_us: int, stood_us: int) -> Iterator[Made]:
         """Where the core is behind because the loop stood still, take it through that time: no step of time."""
-        out: list[Outgoing] = []
         at_us = self.core.time_us
         if at_us is not None and until_us - at_us <= min(stood_us, MAX_STALL_US) + FORWARD_STEP_US:
             for moment_us in range(at_us + FORWARD_STEP_US, until_us, FORWARD_STEP_US):
-                out += self.core.advance(moment_us)
-        return out
+                yield self.core.advance(moment_us)
 
     def _note_time(self, now_us: int, steady_us: int) -> None:
         """Note up to when the core is advanced now, by the clock that nobody steps."""
@@ -149,25 +145,23 @@ class Daemon:
         ticks = max(until_us // self._period_us - tick, 1)
         return (tick + ticks) * self._period_us + SETTLE_US, ticks
 
-    def _send(self, out: list[Outgoing]) -> None:
+    def _send(self, made: Made) -> None:
         """Send what still belongs to its slot. A slot that is over is skipped and counted, never sent in a burst."""
-        for _, slot in groupby(out, key=lambda o: o.frame.stamp_us):
-            now_us, due = self._clock(), []
-            for o in slot:
-                self._slot_in_time = now_us // o.cycle_us <= o.frame.stamp_us // o.cycle_us
-                if self._slot_in_time:
-                    due.append(o.frame)
-                else:
-                    self.core.health.overruns += 1
-            self.sent += self._send_all(due)
+        stamps, cycles = (made.frames[name].tolist() for name in ("stamp_us", "cycle_us"))
+        for stamp_us, slot in groupby(range(len(stamps)), stamps.__getitem__):
+            now_us, places = self._clock(), list(slot)
+            due = [k for k in places if now_us // cycles[k] <= stamp_us // cycles[k]]
+            self._slot_in_time = due[-1:] == places[-1:]
+            self.core.health.overruns += len(places) - len(due)
+            self.sent += self._send_all(made.batch(due))
 
-    def _send_all(self, frames: list[Frame]) -> int:
+    def _send_all(self, frames: FrameBatch | Sequence[Frame]) -> int:
         """Send a slot's frames. Returns how many went."""
-        went = [frame for frame, sent in zip(frames, self.link.send_all(frames), strict=True) if sent]
+        went = self.link.send_all(frames)
         if self._recorder is not None:
-            for frame in went:
+            for frame in compress(frames, went):
                 self._recorder.sent(frame)
-        return len(went)
+        return went.count(True)
 
     def _look_after(self, now_us: int, in_time: bool) -> None:
         health = self.core.health

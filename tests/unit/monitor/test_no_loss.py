@@ -9,12 +9,11 @@ from select import select
 
 import pytest
 
-from tests.support.can_socket import CHANNEL, pair
+from tests.support.can_socket import CHANNEL, FRAME, pair
 from tests.support.daemon_frames import GOOD, START_US, DaemonFrames
 from tests.support.on_terminal import OnTerminal
 from tests.support.processes import ROOT, wait_for
 from wrcd.bus.frame import Frame
-from wrcd.bus.rawcan import FRAME
 from wrcd.core.configuration import Config
 from wrcd.logs.damage import Damage
 from wrcd.logs.reader import read_log

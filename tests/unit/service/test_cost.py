@@ -10,11 +10,11 @@ from itertools import takewhile
 
 import pytest
 
+from tests.support.can_socket import FRAME
 from tests.support.stretch import START_US, frames
 from wrcd.bus.batch import FrameBatch
 from wrcd.bus.frame import Frame
 from wrcd.bus.link import Link, LinkHealth
-from wrcd.bus.rawcan import FRAME
 from wrcd.config.config import load_config
 from wrcd.core.core import Core
 from wrcd.service.loop import Daemon
