@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -86,6 +87,11 @@ class Outgoing(NamedTuple):
         return self.reports[self.report]["estimate"]
 
 
+@cache
+def _as_frames(size: int) -> np.dtype[Any]:
+    return np.dtype({"names": ["frame"], "formats": [f"V{RECORD.size}"], "itemsize": size})
+
+
 class Made(Sequence[Outgoing]):
     """Frames that were made, as records, and the reports that they are of; each an object when it is looked at."""
 
@@ -100,9 +106,7 @@ class Made(Sequence[Outgoing]):
 
     def batch(self, places: Any = slice(None)) -> FrameBatch:
         """The frames at some places, as a link sends them."""
-        size = self.frames.dtype.itemsize
-        head = np.dtype({"names": ["frame"], "formats": [f"V{RECORD.size}"], "itemsize": size})
-        return FrameBatch(self.frames.view(head)["frame"][places].tobytes())
+        return FrameBatch(self.frames.view(_as_frames(self.frames.itemsize))["frame"][places].tobytes())
 
     def __len__(self) -> int:
         return len(self.frames)
