@@ -49,8 +49,6 @@ _SIGNATURES: tuple[tuple[str, Any, *tuple[Any, ...]], ...] = (
     ("wrcd_e2e_check", _int, _pointer, _int, _text, _int, _long),
     ("wrcd_repeats_doubted", _int, _double),
     ("wrcd_receive", _int, _int, _pointer, _long, _int, _long, _pointer, _int, _pointer, _pointer),
-    ("wrcd_look_beside", None, _pointer, _size, _pointer),
-    ("wrcd_to_kernel_time", _long, _pointer, _long, _long),
     ("wrcd_send", _int, _int, _pointer, _long, _int),
     ("wrcd_read_lines", None, _text, _long, _pointer, _long, _long, _pointer, _pointer),
     ("wrcd_write_lines", _long, _pointer, _long, _long, _text, _pointer),

@@ -18,7 +18,9 @@ class HardwareClock(rawcan.HardwareClock):
     """Asked for one stamp after another."""
 
     def to_kernel_time(self, raw_us: int, kernel_us: int) -> int:
-        return int(library().wrcd_to_kernel_time(ctypes.byref(self), raw_us, kernel_us))
+        to_kernel_time = library()["wrcd_to_kernel_time"]
+        to_kernel_time.restype = ctypes.c_int64
+        return int(to_kernel_time(ctypes.byref(self), ctypes.c_int64(raw_us), ctypes.c_int64(kernel_us)))
 
 
 def beside(now_us: int, *of: tuple[int, int, bytes]) -> tuple[int, ...]:
@@ -27,7 +29,7 @@ def beside(now_us: int, *of: tuple[int, int, bytes]) -> tuple[int, ...]:
         struct.pack("@Nii", 16 + len(data), level, kind) + data + bytes(-len(data) % 8) for level, kind, data in of
     )
     found = (ctypes.c_int64 * 3)(now_us)
-    library().wrcd_look_beside(control, len(control), found)
+    library()["wrcd_look_beside"](control, ctypes.c_size_t(len(control)), found)
     return tuple(found)
 
 
