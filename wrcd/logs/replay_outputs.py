@@ -4,6 +4,7 @@ import contextlib
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, partial
 from pathlib import Path
 from typing import IO, Any, Self
 
@@ -16,14 +17,13 @@ from wrcd.bus.signals import Output, OutputSignal
 from wrcd.core.causes import Cause
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
-from wrcd.core.design import Design
 from wrcd.core.events import COLUMNS as EVENT_COLUMNS
 from wrcd.core.events import csv_line, csv_time
 from wrcd.core.reports import Made
 from wrcd.errors import InputError, create
 from wrcd.logs.exports import GatherExports
 from wrcd.logs.feed import Part
-from wrcd.logs.rule_sentences import sentence
+from wrcd.logs.rule_sentences import rule_words
 from wrcd.logs.story_events import NewChanges
 
 OPTIONS = {"-o": ".log", "--csv": ".csv", "--events": ".events.csv", "--mf4": ".mf4", "--mcap": ".mcap"}  # and suffixes
@@ -174,6 +174,7 @@ class AdhesionRows:
         self._file = file
         self._file.write(csv_line((*COLUMNS, *REASONS) if explained else COLUMNS))
         self._design, self._explained = config.design, explained
+        self._rule_words = cache(partial(rule_words, config.design))
         self._origin_us = part.origin_us
         self._messages: dict[int, tuple[Cells, int]] = {}  # by Frame.key
         for a in config.axles:
@@ -199,8 +200,16 @@ class AdhesionRows:
         if self._explained:
             known = made.reports["has_estimate"][of].tolist()
             why = (estimate if is_known else None for is_known, estimate in zip(known, estimates[of], strict=True))
-            rows = [f"{row[:-1]},{csv_line(_reasons(self._design, w))}" for row, w in zip(rows, why, strict=True)]
+            rows = [f"{row[:-1]},{csv_line(self._reasons(w))}" for row, w in zip(rows, why, strict=True)]
         self._file.write("".join(rows))
+
+    def _reasons(self, why: Any) -> list[str]:
+        """The model that fits best against its own range, the rule that weighs most, and its share."""
+        if why is None:
+            return ["", "", ""]
+        winner, rule = int(why["winner"]), int(why["rule"])
+        model = f"{winner}: {self._design.model_names[winner - 1]}" if winner else ""
+        return [model, f"{rule}: {self._rule_words(rule)}" if rule else "", f"{why['rule_share']:.2f}"]
 
 
 class Cells:
@@ -249,15 +258,6 @@ def _intervals(is_known: Any, mu: Any, half: Any) -> Iterator[str]:
     ends = zip(half.tolist(), np.maximum(mu - half, 0.0).tolist(), (mu + half).tolist(), strict=True)
     known = ((is_known != 0) & np.isfinite(half)).tolist()
     return (f"{h:.2f},{low:.2f},{high:.2f}" if k else ",," for k, (h, low, high) in zip(known, ends, strict=True))
-
-
-def _reasons(design: Design, why: Any) -> list[str]:
-    """The model that fits best against its own range, the rule that weighs most, and its share."""
-    if why is None:
-        return ["", "", ""]
-    winner, rule = int(why["winner"]), int(why["rule"])
-    model = f"{winner}: {design.model_names[winner - 1]}" if winner else ""
-    return [model, f"{rule}: {sentence(design, rule - 1)}" if rule else "", f"{why['rule_share']:.2f}"]
 
 
 def check_output(output: Path, inputs: Sequence[Path | None], key: str = "-o") -> None:

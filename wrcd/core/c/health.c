@@ -231,6 +231,7 @@ static void softmax(const double log_odds[STATES], double p[STATES])
 /* Log of how much likelier features are in each state than of a sound pair. */
 void wrcd_health_evidence(const wrcd_health_table *h, const double x[WRCD_PAIR_FEATURES], double evidence[STATES])
 {
+    _Static_assert(WRCD_PAIR_FEATURES % 2 == 0, "two at once");
     const int n = h->hidden_units;
     double unit[WRCD_MAX_HIDDEN], z[WRCD_PAIR_FEATURES];
 
