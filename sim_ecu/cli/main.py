@@ -14,6 +14,7 @@ SIM_ECU = Program(
         "play",
         "drive",
         "control",
+        "calibrate",
         "design",
         "score",
         "figures",

@@ -100,11 +100,14 @@ DRIVE = Other("drive", "what driver and traction control want", "needed")
 AXLEBOX = Other("axlebox", "what the axle box feels besides the track")
 VEHICLE = Other(
     "vehicle",
-    "a packaged vehicle, or a bogie and half a car body: what differs from the multiple unit's",
+    "a packaged vehicle, a .toml file with one, or a bogie and half a car body: what differs from the multiple unit's",
     DEFAULT_DESIGN,
 )
 SUSPENSION_TABLE = Other("suspension", "parts as data sheets give them, instead of constants of [vehicle]")
 WHEELSET = Other("wheelset", "what differs from the vehicle's wheelset")
+INTERVAL = Other("interval", "between what each of its constants lies with 90 %, as `sim-ecu calibrate` finds them")
+FROM_LOGS = Other("origin", "what they were found from")
+OF_VEHICLE: tuple[Key, ...] = (VEHICLE, SUSPENSION_TABLE, WHEELSET, INTERVAL, FROM_LOGS)  # what describes one
 OF_AXLE = Other("axle", "[axle.N]: what differs for one axle")
 FAULT = Other("fault", "what goes wrong, as with `sim-ecu play --fault`")
 POSITION = Measure(
@@ -172,6 +175,14 @@ SUSPENSION = (
     Measure("yaw_damper_N_s_m", "rate of one of the bogie's", 0.0, 1e12, unit="N s/m"),
     Measure("yaw_dampers", "how many the bogie has", 1.0, 8.0, 2.0),
     Measure("yaw_damper_spacing_m", "from the left one to the right one", 0.1, 5.0, unit="m"),
+)
+
+# of a vehicle that was found from logs
+INTERVALS = tuple(Interval(key.name, f"{key.what}, 90 %") for key in (*PARAMETERS, *VEHICLE_PARAMETERS))
+ORIGIN: tuple[Key, ...] = (
+    Text("date", "when it was found"),
+    Other("logs", "names and digests of the logs"),
+    Whole("stretches", "calm stretches of them that were used", 0, 10**9),
 )
 
 FROM = Measure("from_m", "where it begins", 0.0, 1e7, 0.0, unit="m")
@@ -267,8 +278,7 @@ AMOUNT = Other("amount", "how much", "the kind's", "the kind's")
 SHARED: tuple[Key, ...] = (RAIL, DRIVE, TRACK, SENSORS, AXLEBOX, SEED)  # that an axle may have otherwise
 # By the table's name.
 TABLES: Mapping[str, tuple[Key, ...]] = {
-    "": (TITLE, DURATION, AXLES, SPEED, HOLD_SPEED, *SHARED, VEHICLE, SUSPENSION_TABLE, WHEELSET, OF_AXLE,
-        FAULT),
+    "": (TITLE, DURATION, AXLES, SPEED, HOLD_SPEED, *SHARED, *OF_VEHICLE, OF_AXLE, FAULT),
     "vehicle": VEHICLE_PARAMETERS,
     "suspension": SUSPENSION,
     "wheelset": (NAME, *PARAMETERS),

@@ -2,7 +2,8 @@
 
 `vehicle = "NAME"` is a packaged one. [wheelset] says what differs from its wheelset. [vehicle] says what differs from
 the packaged multiple unit's bogie; M_v follows from it. [suspension] gives parts instead of constants of a bogie. Where
-none is given the vehicle is the default one.
+none is given the vehicle is the default one. `vehicle = "FILE.toml"` is the vehicle of another file. One that
+`sim-ecu calibrate` wrote says in [interval] how well each constant is known, and in [origin] from what.
 """
 
 from dataclasses import replace
@@ -52,15 +53,13 @@ def load_vehicle(name: str) -> Wheelset:
 
 
 def read_vehicle(top: Section) -> Wheelset:
-    """The vehicle of a file, from `vehicle`, [vehicle], [suspension] and [wheelset]. Raises InputError."""
+    """The vehicle of a file, from `vehicle`, [vehicle], [suspension] and [wheelset]; [interval] and [origin] are
+    checked. Raises InputError."""
+    read_intervals(top)
+    _check_origin(top.section("origin"))
     given = top.raw("vehicle")
     if isinstance(given, str) or given is None:
-        named = DEFAULT_VEHICLE if given is None else given
-        known = packaged_vehicles()
-        if named not in known:
-            raise top.error(f"there is no vehicle {named!r}", "vehicle", suggest(named, known) or _packaged(known))
-        # the lone wheelset's own file names itself, and every other packaged one that or its [vehicle]
-        base = Wheelset() if named == LONE else load_vehicle(named)
+        base = _named(top, DEFAULT_VEHICLE if given is None else given)
         bogie = base.bogie
     else:
         section = top.section("vehicle")
@@ -81,3 +80,32 @@ def read_vehicle(top: Section) -> Wheelset:
     if bogie is not None:
         numbers["M_v"] = bogie.carried_kg(numbers["m_w"])
     return replace(base, name=name or base.name, bogie=bogie, **numbers)
+
+
+def read_intervals(top: Section) -> dict[str, tuple[float, float]]:
+    """[interval]: by name, between which values a constant lies with 90 %."""
+    section = top.section("interval")
+    found = {key.name: ends for key in keys.INTERVALS if (ends := key.read(section)) is not None}
+    section.done()
+    return found
+
+
+def _check_origin(section: Section) -> None:
+    for key in keys.ORIGIN:
+        section.raw(key.name) if isinstance(key, keys.Other) else key.read(section)
+    section.done()
+
+
+def _named(top: Section, name: str) -> Wheelset:
+    """The packaged vehicle of a name, or that of a file beside this one, which names no other file."""
+    known = packaged_vehicles()
+    if name.endswith(".toml"):
+        path = Path(top.file).parent / name
+        if str(read_toml(path).raw("vehicle")).endswith(".toml"):
+            raise top.error(f"{name} names another file", "vehicle", "name that one")
+        return load_vehicle(str(path))
+    if name not in known:
+        hint = suggest(name, known) or f"{_packaged(known)}; or a .toml file"
+        raise top.error(f"there is no vehicle {name!r}", "vehicle", hint)
+    # the lone wheelset's own file names itself, and every other packaged one that or its [vehicle]
+    return Wheelset() if name == LONE else load_vehicle(name)

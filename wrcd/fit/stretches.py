@@ -18,7 +18,7 @@ BoolArray = NDArray[np.bool_]
 ComplexArray = NDArray[np.complex128]
 CHANNELS = 4  # yaw rate and lateral acceleration of the leading wheelset, then of the trailing one
 _YAW, _LATERAL = [0, 2], [1, 3]
-STRETCH_S, BAND_HZ = 5.12, (0.6, 16.0)
+STRETCH_S, BAND_HZ = 5.12, (1.0, 16.0)
 # Below it the fit is off: the share of the power that no track explains doubles, the primary yaw stiffness halves.
 MIN_SPEED_M_S = 8.5
 CREEPING_M_S = 0.1  # of a train that stands, so that its way goes on

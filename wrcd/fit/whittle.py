@@ -107,9 +107,11 @@ class BogieFit:
         b = self.blocks
         c = self.nominal.changed(dict(zip(UNKNOWNS, unknowns[:OF_VEHICLE].tolist(), strict=False)))
         g22 = np.exp(self._secant + slopes[:, 0])
-        speed, later = b.speed_m_s * np.exp(unknowns[_SPEED_SCALE]), c.wheelbase_m / b.speed_m_s
-        of_bins = [np.repeat(a, len(b.frequency_hz)) for a in (speed, g22 * np.exp(slopes[:, 1]), g22, later)]
-        out = response(c, *of_bins[:3], np.tile(b.frequency_hz, len(b)), of_bins[3])
+        of_blocks = (
+            b.speed_m_s * np.exp(unknowns[_SPEED_SCALE]), g22 * np.exp(slopes[:, 1]), g22, c.wheelbase_m / b.speed_m_s
+        )  # fmt: skip
+        v, g11, secant, later = (np.repeat(a, len(b.frequency_hz)) for a in of_blocks)
+        out = response(c, v, g11, secant, np.tile(b.frequency_hz, len(b)), later)
         return out.reshape(len(b), len(b.frequency_hz), *out.shape[1:])
 
     def _sensed(self, bogie: ComplexArray, unknowns: FloatArray) -> ComplexArray:
@@ -272,12 +274,12 @@ class BogieFit:
         prior = 1 / self.sigma**2
         return Scores(g.sum(axis=0) - guess.unknowns * prior, F.sum(axis=0) + np.diag(prior), g, own, taken)
 
-    def run(self, steps: int = MAX_STEPS, shown: Callable[[float], object] | None = None) -> None:
-        """Climb to the most likely guess. shown: is called with the share of the steps that are done."""
+    def run(self, steps: int = MAX_STEPS, shown: Callable[[int], object] | None = None) -> None:
+        """Climb to the most likely guess. shown: is called with the number of each step."""
         damping = 1e-2
         for step in range(steps):
             if shown is not None:
-                shown(step / steps)
+                shown(step)
             now = self.best
             self._expected = self._smooth(now.guess.powers)
             powers = self._better_powers(now) if step % 3 == 2 else now.guess.powers
@@ -353,7 +355,7 @@ class BogieFit:
 MAX_MISFIT, MAX_TRIMMED_AT_ONCE, MIN_BLOCKS, ROUNDS = 0.15, 0.2, 3, 5
 
 
-def run_trimmed(fit: BogieFit, shown: Callable[[float], object] | None = None) -> int:
+def run_trimmed(fit: BogieFit, shown: Callable[[int], object] | None = None) -> int:
     """Run a fit, leave out the blocks that fit worst, which no gate has seen, and run it again. Returns how many
     stretches were left out."""
     fit.run(shown=shown)

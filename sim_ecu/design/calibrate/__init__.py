@@ -1,0 +1,1 @@
+"""A vehicle's constants from its own logs: `sim-ecu calibrate`."""

@@ -1,0 +1,115 @@
+"""What a calibration says to a person: what it used, what it found, what it cannot tell, and what to record for it."""
+
+import math
+from collections.abc import Iterator
+
+from sim_ecu.design.calibrate.calibration import NEEDED, Calibration
+from sim_ecu.play.scenario_keys import PARAMETERS, VEHICLE_PARAMETERS
+from wrcd.fit.stretches import OVERLAP, STRETCH_S, LeftOut
+from wrcd.fit.whittle import UNKNOWNS
+
+KEYS = {key.name: key for key in (*PARAMETERS, *VEHICLE_PARAMETERS)}
+WORDS = {
+    "gamma": "conicity", "primary_yaw_N_m_rad": "primary yaw stiffness",
+    "secondary_yaw_damping_N_m_s_rad": "secondary yaw damping", "primary_lateral_N_m": "primary lateral stiffness",
+    "primary_lateral_damping_N_s_m": "primary lateral damping", "primary_yaw_damping_N_m_s_rad": "primary yaw damping",
+    "secondary_lateral_N_m": "secondary lateral stiffness", "secondary_yaw_N_m_rad": "secondary yaw stiffness",
+    "secondary_lateral_damping_N_s_m": "secondary lateral damping", "m_w": "mass of a wheelset",
+    "I_w": "its yaw inertia", "frame_mass_kg": "mass of the frame", "frame_yaw_inertia_kg_m2": "its yaw inertia",
+    "r_0": "wheel radius",
+}  # fmt: skip
+NOTHING_TOLD = math.log(1.5)  # half width (log) of an interval that says next to nothing
+# From so much on something is said of a sensor, if it is beyond doubt
+LEAD_S, ASKEW_RAD, GAIN, SPEED, NOISE_TIMES = 0.002, 0.009, 0.03, 0.01, 3.0
+# A speed is off by up to 3 % on worn wheels. Clocks of the two axles that are 10 ms apart look like 4 %, and put
+# stiffness and damper off by a quarter.
+ODD_SPEED = 0.035
+ADVICE = {
+    LeftOut.CURVE: "record straight lines", LeftOut.UNSTEADY: "record steady running",
+    LeftOut.SLOW: "record faster running", LeftOut.PULSE: "record welded, smoother track",
+    LeftOut.INPUTS: "`wrcd check --log` says why inputs are missing", LeftOut.GAP: "record without gaps",
+    LeftOut.ALONE: "hold a speed for longer", LeftOut.MISFIT: "record smoother track",
+}  # fmt: skip
+
+
+def used(c: Calibration) -> list[str]:
+    """What was used, and what was left out for what."""
+    b = c.blocks if c.fit is None else c.fit.blocks
+    speeds = f", at {b.speed_m_s.min():.0f} to {b.speed_m_s.max():.0f} m/s" if len(b) else ""
+    lines = [f"{c.stretches} stretches of {STRETCH_S:.1f} s used (they overlap by half){speeds}"]
+    return lines + [f"  left out {n:4}  {reason.value}" for reason, n in c.left_out.most_common() if n]
+
+
+def constants(c: Calibration) -> Iterator[tuple[str, float, float, float, str]]:
+    """Of each constant its key, value, lower and upper end of the 90 % interval, and what is to be said of it."""
+    found = c.wheelset.numbers() | {n: getattr(c.wheelset.bogie, n) for n in KEYS if hasattr(c.wheelset.bogie, n)}
+    for name in WORDS:
+        low, high = c.intervals[name]
+        yield name, found[name], low, high, _remark(c, name)
+
+
+def _remark(c: Calibration, name: str) -> str:
+    if name in c.lacking:
+        most = 100 * math.expm1(NEEDED[name])
+        return f"not known well enough: within {most:.0f} % is needed"
+    if name in NEEDED:
+        return "known well enough"
+    return "cannot be told from this" if c.half_width(name) > NOTHING_TOLD else ""
+
+
+def constant_lines(c: Calibration) -> list[str]:
+    """The same as lines."""
+    return [
+        f"  {WORDS[name]:29} {value:9.4g} {KEYS[name].unit:11} ({low:.4g} to {high:.4g})  {remark}".rstrip()
+        for name, value, low, high, remark in constants(c)
+    ]
+
+
+def to_record(c: Calibration) -> list[str]:
+    """What would make known well enough what is not."""
+    if not c.refused and not c.lacking:
+        return []
+    lines = []
+    if c.lacking:
+        times = max(c.lacking.values()) ** 2
+        minutes = times * c.stretches * (1 - OVERLAP) * STRETCH_S / 60
+        lines += [
+            f"for {', '.join(WORDS[n] for n in c.lacking)} record some {minutes:.0f} minutes of calm stretches, at "
+            "several speeds"
+        ]
+    most = c.left_out.most_common(1)
+    if most and most[0][1] > c.stretches:
+        lines += [f"most was left out for: {most[0][0].value}; {ADVICE[most[0][0]]}"]
+    return lines
+
+
+def sensors(c: Calibration) -> list[str]:
+    """What is wrong with them, beyond doubt."""
+    assert c.fit is not None
+    x, lines = c.fit.logs, []
+
+    def sure(name: str, least: float) -> bool:
+        k = UNKNOWNS.index(name)
+        return abs(x[name]) > least + 2 * math.sqrt(c.fit.covariance[k, k]) if c.fit is not None else False
+
+    for k, which in ((1, "leading"), (2, "trailing")):
+        if sure(f"lead_{k}", LEAD_S):
+            ms = 1e3 * x[f"lead_{k}"]
+            early = "early" if ms > 0 else "late"
+            lines += [f"{which} axle: the accelerometer is {abs(ms):.1f} ms {early} against the gyro"]
+        if sure(f"askew_{k}", ASKEW_RAD):
+            lines += [f"{which} axle: the gyro's axis is askew by {math.degrees(x[f'askew_{k}']):+.1f} degrees"]
+        if sure(f"gain_{k}", GAIN):
+            lines += [f"{which} axle: the accelerometer reads {100 * math.expm1(x[f'gain_{k}']):+.0f} %"]
+        for sensor, what in (("yaw", "gyro"), ("lateral", "accelerometer")):
+            if x[f"{sensor}_noise_{k}"] > math.log(NOISE_TIMES):
+                times = math.exp(x[f"{sensor}_noise_{k}"])
+                lines += [f"{which} axle: the {what} is {times:.0f} times as noisy as usual; constants may be off"]
+    if sure("speed_scale", SPEED):
+        lines += [f"the speed reads {100 * math.expm1(-x['speed_scale']):+.1f} %"]
+    if abs(x["speed_scale"]) > ODD_SPEED:
+        lines += [
+            "so wrong a speed is rare: a wrong wheelbase, or clocks of the axles that are apart, look the same, and "
+            "put the constants off by a quarter"
+        ]
+    return lines
