@@ -44,7 +44,7 @@ COMMAND = Subcommand(
     (
         ("sim-ecu calibrate ride.log --known known.toml -o mine.toml --html fit.html", "a vehicle's file, and a page"),
         (
-            "sim-ecu calibrate a.blf b.blf --config train.toml --axles 3,4 --known known.toml -o mine.toml",
+            "sim-ecu calibrate a.blf b.blf --axles 3,4 --known known.toml -o mine.toml",
             "of two logs, the second bogie",
         ),
     ),

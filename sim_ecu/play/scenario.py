@@ -170,7 +170,7 @@ def read_scenario(top: Section, name: str) -> Scenario:
 
 def read_train(top: Section, drive: DriveCourse | None = None) -> tuple[Wheelset, tuple[AxleScenario, ...]]:
     """The vehicle and its axles; drive as of read_axles()."""
-    for key in (keys.OF_AXLE, *keys.OF_VEHICLE, *keys.SHARED):
+    for key in (keys.OF_AXLE, *keys.VEHICLE_TABLES, *keys.SHARED):
         if drive is None or key is not keys.DRIVE:
             top.raw(key.name)  # known, whatever is wrong before they are read
     read: list[Wheelset] = []

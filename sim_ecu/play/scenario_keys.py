@@ -107,7 +107,7 @@ SUSPENSION_TABLE = Other("suspension", "parts as data sheets give them, instead 
 WHEELSET = Other("wheelset", "what differs from the vehicle's wheelset")
 INTERVAL = Other("interval", "between what each of its constants lies with 90 %, as `sim-ecu calibrate` finds them")
 FROM_LOGS = Other("origin", "what they were found from")
-OF_VEHICLE: tuple[Key, ...] = (VEHICLE, SUSPENSION_TABLE, WHEELSET, INTERVAL, FROM_LOGS)  # what describes one
+VEHICLE_TABLES: tuple[Key, ...] = (VEHICLE, SUSPENSION_TABLE, WHEELSET, INTERVAL, FROM_LOGS)  # what describes one
 OF_AXLE = Other("axle", "[axle.N]: what differs for one axle")
 FAULT = Other("fault", "what goes wrong, as with `sim-ecu play --fault`")
 POSITION = Measure(
@@ -278,7 +278,7 @@ AMOUNT = Other("amount", "how much", "the kind's", "the kind's")
 SHARED: tuple[Key, ...] = (RAIL, DRIVE, TRACK, SENSORS, AXLEBOX, SEED)  # that an axle may have otherwise
 # By the table's name.
 TABLES: Mapping[str, tuple[Key, ...]] = {
-    "": (TITLE, DURATION, AXLES, SPEED, HOLD_SPEED, *SHARED, *OF_VEHICLE, OF_AXLE, FAULT),
+    "": (TITLE, DURATION, AXLES, SPEED, HOLD_SPEED, *SHARED, *VEHICLE_TABLES, OF_AXLE, FAULT),
     "vehicle": VEHICLE_PARAMETERS,
     "suspension": SUSPENSION,
     "wheelset": (NAME, *PARAMETERS),

@@ -104,6 +104,11 @@ RIG: dict[str, dict[Status, str]] = {
         Status.STOPPED: "jobs failed twice: the error names them",
         **_MADE,
     },
+    "calibrate": {
+        Status.DONE: "the vehicle's file is written",
+        Status.STOPPED: "the logs do not tell the vehicle, and the reason is said",
+        **_MADE,
+    },
     "score": {
         Status.DONE: _PRINTED,
         Status.STOPPED: _HOLES,

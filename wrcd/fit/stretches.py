@@ -61,8 +61,8 @@ class BogieSignals:
 
 
 @dataclass(frozen=True, slots=True)
-class Stretch:
-    """A calm one. spectrum (F, CHANNELS): of the windowed signals."""
+class CalmStretch:
+    """One of them. spectrum (F, CHANNELS): of the windowed signals."""
 
     begin_s: float
     speed_m_s: float
@@ -101,7 +101,7 @@ class Blocks:
 
 def blocks_of(runs: Sequence[BogieSignals], wheelbase_m: float) -> tuple[Blocks, Counter[LeftOut]]:
     """Return the blocks of several runs of one vehicle, and how many stretches were left out for what."""
-    left_out, blocks = Counter[LeftOut](), list[list[Stretch]]()
+    left_out, blocks = Counter[LeftOut](), list[list[CalmStretch]]()
     for run in runs:
         calm = []
         for found in _judged(run, wheelbase_m):
@@ -125,7 +125,7 @@ def _frequencies(tick_s: float) -> tuple[FloatArray, BoolArray]:
     return f, (f >= BAND_HZ[0]) & (f <= BAND_HZ[1])
 
 
-def _judged(run: BogieSignals, wheelbase_m: float) -> Iterator[Stretch | LeftOut]:
+def _judged(run: BogieSignals, wheelbase_m: float) -> Iterator[CalmStretch | LeftOut]:
     """Every stretch of a run, overlapping by half, or why it is none."""
     n = _ticks(run.tick_s)
     known = ~np.isnan(run.z).any(axis=1)
@@ -146,7 +146,7 @@ def _judged(run: BogieSignals, wheelbase_m: float) -> Iterator[Stretch | LeftOut
             yield reason
         else:
             spectrum = _windowed_spectrum(met[own])[used]
-            yield Stretch(first * run.tick_s, float(run.speed_m_s[own].mean()), spectrum)
+            yield CalmStretch(first * run.tick_s, float(run.speed_m_s[own].mean()), spectrum)
 
 
 def _meeting_one_track(z: FloatArray, run: BogieSignals, wheelbase_m: float) -> FloatArray:
@@ -231,9 +231,9 @@ def _windowed_spectrum(part: FloatArray) -> ComplexArray:
     return np.asarray(np.fft.rfft((part - straight @ (straight.T @ part)) * window[:, None], axis=0))
 
 
-def _by_speed(calm: Sequence[Stretch]) -> Iterator[list[Stretch]]:
+def _by_speed(calm: Sequence[CalmStretch]) -> Iterator[list[CalmStretch]]:
     """Stretches that follow one another at a speed like that of the first."""
-    block: list[Stretch] = []
+    block: list[CalmStretch] = []
     for s in calm:
         goes_on = (
             block
@@ -249,7 +249,7 @@ def _by_speed(calm: Sequence[Stretch]) -> Iterator[list[Stretch]]:
         yield block
 
 
-def _averaged(blocks: Sequence[Sequence[Stretch]], tick_s: float) -> Blocks:
+def _averaged(blocks: Sequence[Sequence[CalmStretch]], tick_s: float) -> Blocks:
     f, used = _frequencies(tick_s)
     cross = np.zeros((len(blocks), int(used.sum()), CHANNELS, CHANNELS), np.complex128)
     for k, block in enumerate(blocks):

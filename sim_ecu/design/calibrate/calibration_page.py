@@ -9,6 +9,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 
 from sim_ecu.design.calibrate.calibration import Calibration
 from sim_ecu.design.calibrate.calibration_words import KEYS, WORDS, constants, sensors, to_record, used
@@ -17,6 +18,7 @@ from wrcd.fit.whittle import BogieFit
 from wrcd.report.picture import STYLE
 
 COLOURS = ("#0072B2", "#E69F00")  # apart for all eyes (Okabe and Ito)
+TICKS_HZ = (1, 2, 5, 10, 15)
 GROUPS = 3  # of blocks, by speed
 PAIRS = ((0, 2, "yaw rates of both wheelsets"), (0, 1, "yaw rate and acceleration, leading"))
 ROWS = ("yaw rate, rad/s per √Hz", "lateral acceleration, m/s² per √Hz", "coherence", "phase, degrees")
@@ -78,9 +80,11 @@ def _drawn(fit: BogieFit) -> str:
         axes = figure.subplots(len(ROWS), len(groups), sharex=True, sharey="row", squeeze=False)
         for column, part in zip(axes.T, groups, strict=True):
             v = fit.blocks.speed_m_s[part]
-            column[0].set_title(f"{v.min():.0f} to {v.max():.0f} m/s, {fit.blocks.stretches[part].sum():.0f} stretches")
+            column[0].set_title(f"{v.min():.1f} to {v.max():.1f} m/s, {fit.blocks.stretches[part].sum():.0f} stretches")
             _column(column, fit.blocks.frequency_hz, *(_mean(s, fit, part) for s in (fit.blocks.cross, fit.expected)))
             column[-1].set_xlabel("Hz")
+            column[-1].set_xticks(TICKS_HZ, [f"{hz:g}" for hz in TICKS_HZ])
+            column[-1].xaxis.set_minor_formatter(NullFormatter())
         for axis, label in zip(axes[:, 0], ROWS, strict=True):
             axis.set_ylabel(label)
         for axis in axes[[0, 2], -1]:

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 
-from sim_ecu.design.calibrate.calibration import NEEDED, Calibration
+from sim_ecu.design.calibrate.calibration import LITTLE_KNOWN, NEEDED, Calibration
 from sim_ecu.play.scenario_keys import PARAMETERS, VEHICLE_PARAMETERS
 from wrcd.fit.stretches import OVERLAP, STRETCH_S, LeftOut
 from wrcd.fit.whittle import UNKNOWNS
@@ -18,7 +18,6 @@ WORDS = {
     "I_w": "its yaw inertia", "frame_mass_kg": "mass of the frame", "frame_yaw_inertia_kg_m2": "its yaw inertia",
     "r_0": "wheel radius",
 }  # fmt: skip
-NOTHING_TOLD = math.log(1.5)  # half width (log) of an interval that says next to nothing
 # From so much on something is said of a sensor, if it is beyond doubt
 LEAD_S, ASKEW_RAD, GAIN, SPEED, NOISE_TIMES = 0.002, 0.009, 0.03, 0.01, 3.0
 # A speed is off by up to 3 % on worn wheels. Clocks of the two axles that are 10 ms apart look like 4 %, and put
@@ -37,7 +36,7 @@ def used(c: Calibration) -> list[str]:
     b = c.blocks if c.fit is None else c.fit.blocks
     speeds = f", at {b.speed_m_s.min():.0f} to {b.speed_m_s.max():.0f} m/s" if len(b) else ""
     lines = [f"{c.stretches} stretches of {STRETCH_S:.1f} s used (they overlap by half){speeds}"]
-    return lines + [f"  left out {n:4}  {reason.value}" for reason, n in c.left_out.most_common() if n]
+    return lines + [f"  {n:4} left out: {reason.value}" for reason, n in c.left_out.most_common() if n]
 
 
 def constants(c: Calibration) -> Iterator[tuple[str, float, float, float, str]]:
@@ -54,7 +53,7 @@ def _remark(c: Calibration, name: str) -> str:
         return f"not known well enough: within {most:.0f} % is needed"
     if name in NEEDED:
         return "known well enough"
-    return "cannot be told from this" if c.half_width(name) > NOTHING_TOLD else ""
+    return "cannot be told from this" if c.half_width(name) > LITTLE_KNOWN else ""
 
 
 def constant_lines(c: Calibration) -> list[str]:
@@ -67,8 +66,6 @@ def constant_lines(c: Calibration) -> list[str]:
 
 def to_record(c: Calibration) -> list[str]:
     """What would make known well enough what is not."""
-    if not c.refused and not c.lacking:
-        return []
     lines = []
     if c.lacking:
         times = max(c.lacking.values()) ** 2
@@ -78,7 +75,7 @@ def to_record(c: Calibration) -> list[str]:
             "several speeds"
         ]
     most = c.left_out.most_common(1)
-    if most and most[0][1] > c.stretches:
+    if (c.refused or c.lacking) and most and most[0][1] > c.stretches:
         lines += [f"most was left out for: {most[0][0].value}; {ADVICE[most[0][0]]}"]
     return lines
 
@@ -95,8 +92,8 @@ def sensors(c: Calibration) -> list[str]:
     for k, which in ((1, "leading"), (2, "trailing")):
         if sure(f"lead_{k}", LEAD_S):
             ms = 1e3 * x[f"lead_{k}"]
-            early = "early" if ms > 0 else "late"
-            lines += [f"{which} axle: the accelerometer is {abs(ms):.1f} ms {early} against the gyro"]
+            order = "before" if ms > 0 else "after"
+            lines += [f"{which} axle: the accelerometer is read {abs(ms):.1f} ms {order} the gyro"]
         if sure(f"askew_{k}", ASKEW_RAD):
             lines += [f"{which} axle: the gyro's axis is askew by {math.degrees(x[f'askew_{k}']):+.1f} degrees"]
         if sure(f"gain_{k}", GAIN):

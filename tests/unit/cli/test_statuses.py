@@ -105,6 +105,9 @@ RIG_CASES = [
     ("design -o {dir}/t --search noise --budget 0", 2),
     ("design -o {dir}/t --search noises", 2),
     ("design -o {dir}/t --search noise --config never.toml", 3),
+    ("calibrate never.log --known known.toml -o {dir}/m.toml", 2),
+    ("calibrate {log} --known known.toml -o {dir}/m.toml", 2),
+    ("calibrate {log} --known never.toml -o {dir}/m.toml", 3),
     ("score --jobs 0", 2),
     ("score --quick --design never.json", 3),
     ("score --quick --beside a=nowhere", 2),
@@ -140,6 +143,7 @@ def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     Path("bad.json").write_text("{}")
     Path("short.toml").write_text(held("A", 0.5))
     Path("stop.toml").write_text(STOP)
+    Path("known.toml").write_text('vehicle = "multiple-unit"\n')
     Path("asked.toml").write_text('kind = "play"\n[factor]\nscenario = ["dry"]\n')
 
 
