@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +16,10 @@ from sim_ecu.physics.contact import CURVES, CreepCurve
 from sim_ecu.physics.sensors import SENSOR_SETS, SensorSet
 from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.scenario_keys import TITLE
-from sim_ecu.play.vehicles import read_vehicle
+from sim_ecu.play.vehicles import DEFAULT_VEHICLE, read_vehicle, vehicle_path
 from wrcd.config.describe import made_for
 from wrcd.config.keys import Choice, Number, Whole
-from wrcd.config.settings import Section
+from wrcd.config.settings import Section, read_toml
 from wrcd.core.design import FORMS, Design, load_design
 from wrcd.core.terms import SPAN_TICKS, PairState, Regime
 from wrcd.errors import InputError
@@ -152,12 +153,22 @@ PLAN_NUMBERS = {"own_weight": (0.1, 10.0), "covers_still": (0.5, 0.99), "covers_
 PLAN_WHOLES = {"seed": (0, 1_000), "speeds": (2, 200), "per_speed": (2, 2_000)}
 
 
-def read_brief(top: Section, form: str | None = None) -> Brief:
-    """[wheelset], [design] and [plan] of a rig's TOML file; what is not there keeps its default, which depends on the
-    form: as given, or else the file's."""
+@cache
+def of_a_train() -> Brief:
+    """What a bogie's brief has where its file says nothing: the default vehicle's."""
+    return read_brief(read_toml(vehicle_path(DEFAULT_VEHICLE)), base=Brief())
+
+
+def read_brief(top: Section, form: str | None = None, base: Brief | None = None) -> Brief:
+    """[wheelset], [design] and [plan] of a rig's TOML file; what is not there is as in the base, or else the default,
+    which depends on the vehicle and on the form: as given, or else the file's."""
     d, p = top.section("design"), top.section("plan")
+    wheelset = read_vehicle(top)
     form_of_file = Choice("form", "", FORMS, FORMS[0]).value(d)
-    base = in_papers_form(Brief()) if (form or form_of_file) == "paper" else Brief()
+    if (form or form_of_file) == "paper":
+        base = in_papers_form(Brief())
+    elif base is None:
+        base = Brief() if wheelset.bogie is None else of_a_train()
     plan = base.plan
     numbers = _given(Number, d, NUMBERS, base)
     if base.form == "paper" and "longest_s" not in d:
@@ -168,7 +179,7 @@ def read_brief(top: Section, form: str | None = None) -> Brief:
         raise p.error(f"shares add up to {sum(shares.values()):g}; they must not exceed 1", next(iter(shares)))
     brief = replace(
         base,
-        wheelset=read_vehicle(top),
+        wheelset=wheelset,
         **numbers,
         **_given(Whole, d, WHOLES, base),
         polynomial=Choice("polynomial", "", ("paper",) if base.form == "paper" else POLYNOMIALS, base.polynomial).value(

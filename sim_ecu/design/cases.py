@@ -33,6 +33,8 @@ COASTS_ALONE = 0.3  # of a train's coasting conditions: those without any torque
 TURN_S, TURN_TAKES_S = (0.5, 2.5), (0.3, 4.0)  # when a torque turns (or a curve begins), and how long it takes
 UNSATURATED, END_SHARE = 0.5, (0.25, 0.95)  # of the rails that get worse: those that carry such a share of their peak
 NOISE_FACTORS = (0.6, 2.2)  # of sensors noisier or quieter than their kind
+OTHER_TORQUE = 0.5  # of the second wheelsets of a bogie: a motor may be off, or its wheels slip
+TORQUE = ("utilisation", "creep_of_peak", "cycle_hz", "cycle_low", "cycle_rise", "limit_of_peak", "turns_to", "turns_s")
 BATCH = 2 * LANES  # conditions that are simulated in one call
 Progress = Callable[[str, float], None]  # what is going on, share of it that is done
 
@@ -43,8 +45,9 @@ def quietly(what: str, share: float) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """One wheelset on one rail, or coming from another. Exactly one of utilisation and creep_of_peak is a number;
-    negative when braking. Coming from another rail it keeps the torque that is the utilisation of that one.
+    """One wheelset on one rail, or coming from another; the two of a bogie follow each other. Exactly one of
+    utilisation and creep_of_peak is a number; negative when braking. Coming from another rail it keeps the torque that
+    is the utilisation of that one.
 
     In slip cycles, as a wheel-slide protection makes them, the number is the highest, and cycle_low the lowest.
     """
@@ -81,7 +84,7 @@ class Plan:
 
     seed: int = 1
     speeds: int = 32
-    per_speed: int = 300
+    per_speed: int = 150
     speed_range: tuple[float, float] = (3.2, 58.0)
     friction_range: tuple[float, float] = (0.022, 0.65)
     utilisation_range: tuple[float, float] = (0.0, 1.0)
@@ -120,7 +123,8 @@ class Group:
 
 
 def draw(plan: Plan, wheelset: Wheelset) -> list[Group]:
-    """The groups of a plan, in the design's own world and in others by turns."""
+    """The groups of a plan, in the design's own world and in others by turns. In a bogie both wheelsets are recorded:
+    that costs what one of them does."""
     rng = np.random.default_rng([plan.seed, 0])
     out: list[Group] = []
     for k in range(plan.speeds):
@@ -136,8 +140,22 @@ def draw(plan: Plan, wheelset: Wheelset) -> list[Group]:
             for i in range(plan.per_speed):
                 one = replace(_one(plan, wheelset, float(v), first + i, rng), ramp_m_s2=ramp)
                 group.append(elsewhere(one, wheelset, rng) if other else one)
+            if (bogie := wheelset.bogie) is not None:
+                pairs = zip(group[::2], group[1::2], strict=False)
+                group = [c for pair in pairs for c in following(*pair, bogie.wheelbase_m, rng, trailing=True)]
             out.append(Group(float(v), ramp, tuple(group)))
     return out
+
+
+def following(
+    c: Condition, other: Condition, apart_m: float, rng: np.random.Generator, *, trailing: bool
+) -> tuple[Condition, Condition]:
+    """Two wheelsets on one track, so far apart; half of the second ones have another condition's torque. trailing:
+    whether they share a bogie."""
+    second = c
+    if c.before is None and other.before is None and rng.random() < OTHER_TORQUE:
+        second = replace(c, **{name: getattr(other, name) for name in TORQUE})
+    return replace(c, ahead_m=apart_m), replace(second, trailing=trailing)
 
 
 KINDS = ("held", "slipping", "let_go", "coasting", "turning", "changed")
@@ -159,7 +177,6 @@ def _one(plan: Plan, w: Wheelset, v: float, seed: int, rng: np.random.Generator)
         creep_of_peak=math.nan,
         seed=seed,
         sensors=_sensors(plan, rng),
-        trailing=w.bogie is not None and bool(rng.random() < 0.5),
     )
 
     def drawn(ends: tuple[float, float]) -> float:
@@ -289,7 +306,7 @@ def _course(n: int, c: Condition, tick_s: float) -> FloatArray:
 
 def simulate(w: Wheelset, c: Condition, seconds: float, tick_s: float) -> Samples:
     """Play a condition."""
-    sim, drive = _ready(w, c, seconds, tick_s)
+    sim, drive = _ready(w, [c], seconds, tick_s)
     return sim.advance(drive, _held_speed(c, seconds, tick_s))
 
 
@@ -297,12 +314,15 @@ def simulate_group(w: Wheelset, conditions: Sequence[Condition], seconds: float,
     """Play conditions that share the vehicle's speed, side by side. Returns (ticks, OUTPUTS, n)."""
     held_speed = _held_speed(conditions[0], seconds, tick_s)
     out = np.empty((len(held_speed), OUTPUTS, len(conditions)))
+    each = 2 if any(c.trailing for c in conditions) else 1
+    trains = [conditions[i : i + each] for i in range(0, len(conditions), each)]
     # neighbours of like stiffness take steps alike
-    order = np.argsort([-_stiffness(w, c) for c in conditions], kind="stable").tolist()
-    for batch in (order[i : i + BATCH] for i in range(0, len(order), BATCH)):
-        sims, drives = zip(*(_ready(w, conditions[i], seconds, tick_s) for i in batch), strict=True)
+    order = np.argsort([-max(_stiffness(w, c) for c in train) for train in trains], kind="stable")
+    for batch in (order[i : i + BATCH // each] for i in range(0, len(order), BATCH // each)):
+        sims, drives = zip(*(_ready(w, trains[k], seconds, tick_s) for k in batch.tolist()), strict=True)
         together = Command(*(np.concatenate(parts, axis=1) for parts in zip(*drives, strict=True)))
-        out[:, :, batch] = advance_side_by_side(sims, together, held_speed)[0].swapaxes(1, 2)
+        places = (each * batch[:, None] + np.arange(each)).ravel()
+        out[:, :, places] = advance_side_by_side(sims, together, held_speed)[0].swapaxes(1, 2)
     return out
 
 
@@ -315,26 +335,35 @@ def _held_speed(c: Condition, seconds: float, tick_s: float) -> FloatArray:
     return np.asarray(c.speed_m_s + c.ramp_m_s2 * tick_s * np.arange(1, round(seconds / tick_s) + 1))
 
 
-def _ready(w: Wheelset, c: Condition, seconds: float, tick_s: float) -> tuple[Simulation, Command]:
-    """A condition's vehicle on its track, and what drives it."""
-    n = round(seconds / tick_s)
-    w = c.wheelset or w
+def _ready(w: Wheelset, train: Sequence[Condition], seconds: float, tick_s: float) -> tuple[Simulation, Command]:
+    """The vehicle of conditions, one or both of a bogie, on its track, and what drives it."""
+    c = train[0]
+    track, n = Track(c.track, c.seed), round(seconds / tick_s)
+    axles = [Axle(rail_table(_rail(c)), track, c.ahead_m, c.trailing) for c in train]
+    drives = [_drive(c.wheelset or w, c, n, tick_s) for c in train]
+    together = Command(*(np.concatenate(parts, axis=1) for parts in zip(*drives, strict=True)))
+    return Simulation(c.wheelset or w, axles, c.speed_m_s, tick_s), together
+
+
+def _rail(c: Condition) -> list[RailSection]:
     rail = [RailSection(0.0, c.curve, c.curvature, c.cant_rad)]
     if c.curve_s[0] > 0.0:
         from_m, transition_m = (c.speed_m_s * s for s in c.curve_s)
-        rail = [RailSection(0.0, c.curve), rail[0]._replace(from_m=from_m, transition_m=transition_m)]
-    elif c.before is not None:
-        at = max(c.changes_at_s * (c.speed_m_s + 0.5 * c.ramp_m_s2 * c.changes_at_s) - c.edge_m, 0.1)
-        rail = [
-            RailSection(0.0, c.before, c.curvature, c.cant_rad),
-            RailSection(at, c.curve, c.curvature, c.cant_rad, edge_m=c.edge_m),
-        ]
-    axle = Axle(rail_table(rail), Track(c.track, c.seed), c.ahead_m, c.trailing)
-    sim = Simulation(w, [axle], c.speed_m_s, tick_s)
+        return [RailSection(0.0, c.curve), rail[0]._replace(from_m=from_m, transition_m=transition_m)]
+    if c.before is None:
+        return rail
+    at = max(c.changes_at_s * (c.speed_m_s + 0.5 * c.ramp_m_s2 * c.changes_at_s) - c.edge_m, 0.1)
+    return [
+        RailSection(0.0, c.before, c.curvature, c.cant_rad),
+        RailSection(at, c.curve, c.curvature, c.cant_rad, edge_m=c.edge_m),
+    ]
+
+
+def _drive(w: Wheelset, c: Condition, n: int, tick_s: float) -> Command:
     course = _course(n, c, tick_s)
     if not math.isnan(c.creep_of_peak):
-        return sim, command(n, creep_of_peak=course, limit_of_peak=c.limit_of_peak)
+        return command(n, creep_of_peak=course, limit_of_peak=c.limit_of_peak)
     if c.before is None:
-        return sim, command(n, utilisation=course, limit_of_peak=c.limit_of_peak)
+        return command(n, utilisation=course, limit_of_peak=c.limit_of_peak)
     carried = peak(c.speed_m_s, w.contact, *c.before.row())[1] * 2 * w.normal_N * w.r_0
-    return sim, command(n, torque=course * carried, limit_of_peak=c.limit_of_peak)
+    return command(n, torque=course * carried, limit_of_peak=c.limit_of_peak)

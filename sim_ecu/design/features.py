@@ -27,7 +27,7 @@ MOVED, SLOW_M_S = 0.1, 10.0  # see Features.covers: decades of the torque within
 @dataclass(frozen=True, slots=True)
 class Features:
     """One row per window: inputs (n, COLUMNS) as the rules are given them, the truth in percent (n,), the number of the
-    condition (n,), whether it is of the design's own world and undisturbed (n,)."""
+    condition (n,), one for both wheelsets of a bogie, whether it is of the design's own world and undisturbed (n,)."""
 
     inputs: FloatArray
     mu_pct: FloatArray
@@ -123,6 +123,7 @@ def _windows(job: tuple[Design, Plan, Recording, list[int], int]) -> tuple[Featu
     rng = np.random.default_rng(seed)
     n = r.z.shape[2]
     inputs, truth, nominal, decades, speeds = [], [], [], [np.zeros((0, MODELS))], [np.zeros(0)]
+    each = 1 if design.wheelset.get("bogie") is None else 2
     lengths_s, copies = (lengths_of(design), 2) if design.form == "wrcd" else ((design.window_s,), 1)
     for z, ends in ((r.z, ENDS), (r.felt, DISTURBED_ENDS))[:copies]:
         settled = round(plan.settle_s / plan.seconds * len(z))
@@ -139,7 +140,7 @@ def _windows(job: tuple[Design, Plan, Recording, list[int], int]) -> tuple[Featu
                 decades.append(estimator.steps()[still])
                 speeds.append(np.full(int(still.sum()), r.speed_m_s[k]))
     data = Features(
-        np.concatenate(inputs), np.concatenate(truth), np.tile(first + np.arange(n), len(inputs)),
+        np.concatenate(inputs), np.concatenate(truth), np.tile((first + np.arange(n)) // each, len(inputs)),
         np.concatenate(nominal),
     )  # fmt: skip
     return data, Steps(np.concatenate(decades), np.concatenate(speeds))

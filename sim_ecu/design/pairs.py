@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_ecu.design.cases import TURN_S, Condition, Group, Plan, Progress, quietly, simulate_group
+from sim_ecu.design.cases import TURN_S, Condition, Group, Plan, Progress, following, quietly, simulate_group
 from sim_ecu.design.recordings import Recording, measured
 from sim_ecu.design.rules import quantiles
 from sim_ecu.design.side_by_side import SideBySide
@@ -35,10 +35,8 @@ BROKEN = {
 EACH, SOUND_EACH = 2, 2  # of these, and of sound pairs, of every condition
 # Partners: the other axle of the bogie, sound; the same, in the same state; an axle on another track; none.
 PARTNERS, SHARES = ("sound", "alike", "elsewhere", "none"), (0.4, 0.25, 0.2, 0.15)
-OTHER_TORQUE = 0.5  # of the second wheelsets of a bogie: a motor may be off, or its wheels slip
-TORQUE = ("utilisation", "creep_of_peak", "cycle_hz", "cycle_low", "cycle_rise", "limit_of_peak", "turns_to", "turns_s")
 LOOKING = "looking at sensors"  # what goes on meanwhile
-SPEEDS_SHARE, PER_SPEED_SHARE, SECONDS = 0.7, 0.16, 12.0  # of the plan's conditions; seconds of a recording
+SPEEDS_SHARE, PER_SPEED_SHARE, SECONDS = 0.7, 0.3, 12.0  # of the plan's conditions; seconds of a recording
 FIRST_SPAN = 6  # that is learnt from
 KEEP, KEEP_SOUND = 0.3, 0.25  # shares of the spans
 # Of the truths, by an interval; of estimates, or the rules' own spread stays; the least factor: at 0.5 for a saturated
@@ -73,7 +71,8 @@ def plan_of(plan: Plan) -> Plan:
     own."""
     return replace(
         plan, seed=plan.seed + 500, speeds=max(2, round(SPEEDS_SHARE * plan.speeds)),
-        per_speed=max(2, round(PER_SPEED_SHARE * plan.per_speed)), seconds=SECONDS, held_share=0.22, changed_share=0.12,
+        per_speed=2 * max(1, round(PER_SPEED_SHARE * plan.per_speed / 2)), seconds=SECONDS, held_share=0.22,
+        changed_share=0.12,
     )  # fmt: skip
 
 
@@ -118,9 +117,11 @@ def watched(w: Wheelset, design: Design, plan: Plan, group: Group, place: int) -
 
 
 def _seen(w: Wheelset, design: Design, plan: Plan, group: Group, shaken: bool, rng: np.random.Generator) -> Watched:
-    others = (*group.conditions[1:], group.conditions[0])
-    both = tuple(c for pair in zip(group.conditions, others, strict=True) for c in _in_bogie(w, design, *pair, rng))
-    group = replace(group, conditions=both)
+    both = group.conditions
+    if w.bogie is None:
+        pairs = zip(both[::2], both[1::2], strict=False)
+        both = tuple(c for pair in pairs for c in following(*pair, design.wheelbase_m, rng, trailing=False))
+        group = replace(group, conditions=both)
     r = measured(group, simulate_group(w, both, plan.seconds, design.tick_s), design.tick_s, rng)
     z = (r.felt if shaken else r.z).astype(np.float64)
     noise = np.zeros_like(z)
@@ -135,16 +136,6 @@ def _seen(w: Wheelset, design: Design, plan: Plan, group: Group, shaken: bool, r
     sound = [lane for lane in lanes if not lane.state.any()][::SOUND_EACH]
     wrong = [replace(lane, state=np.full_like(lane.state, PairState.WRONG_UNIT)) for lane in sound]
     return _joined(first, _watched(design, wrong, KMH * r.speed_m_s, r.mu_pct))
-
-
-def _in_bogie(
-    w: Wheelset, design: Design, c: Condition, other: Condition, rng: np.random.Generator
-) -> tuple[Condition, Condition]:
-    """The two wheelsets of a bogie on one track; half of the second ones have another torque."""
-    second = c
-    if c.before is None and other.before is None and rng.random() < OTHER_TORQUE:
-        second = replace(c, **{name: getattr(other, name) for name in TORQUE})
-    return replace(c, trailing=False, ahead_m=design.wheelbase_m), replace(second, trailing=w.bogie is not None)
 
 
 def _joined(*parts: Watched) -> Watched:

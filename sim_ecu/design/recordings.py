@@ -14,6 +14,7 @@ from sim_ecu.physics.wheelset import MU_AVAILABLE, TORQUE, Wheelset
 
 FloatArray = NDArray[np.float32]
 SIMULATING = "simulating conditions"  # what goes on meanwhile
+UP_S = 0.5  # within which a torque comes up
 SPEED_TICKS = 4  # the speed comes every so many ticks
 # What an axle box feels in the disturbed copies: vibration above the band and in it, joints; m/s2, from … to.
 VIBRATION, WHITE, JOINTS = (0.01, 1.2), (0.003, 0.15), (0.1, 2.5)
@@ -87,8 +88,9 @@ def measured(group: Group, y: NDArray[np.float64], tick_s: float, rng: np.random
 
 
 def _first(c: Condition, tick_s: float) -> int:
-    """The tick from which on torque and rail stay."""
-    return round((0.5 if c.before is None else c.changes_at_s + 0.05) / tick_s)
+    """The tick from which on torque and rail stay; what is ahead meets the other rail earlier."""
+    there_s = 0.0 if c.before is None else c.changes_at_s - c.ahead_m / c.speed_m_s + 0.05
+    return round(max(there_s, UP_S) / tick_s)
 
 
 def _axle_box(rng: np.random.Generator) -> AxleBox:

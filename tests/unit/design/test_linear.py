@@ -1,18 +1,24 @@
 """The small-signal wheelset in its bogie, and the filters' steady gain."""
 
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
-from sim_ecu.design.brief import read_brief
-from sim_ecu.design.linear import TRACK_DECAY, Gains, model, slope_and_secant, steady_state
+from sim_ecu.design.brief import of_a_train, read_brief
+from sim_ecu.design.linear import TRACK_DECAY, Gains, Point, model, slope_and_secant, steady_state
 from sim_ecu.design.make import POINTS
+from sim_ecu.design.train_worlds import SUSPENSION
 from sim_ecu.physics.contact import CURVES
 from sim_ecu.physics.sensors import SENSOR_SETS
 from sim_ecu.physics.stability import system_matrix
 from sim_ecu.physics.wheelset import AXLE_STATES, FRAME_Y, FRAME_YDOT, GRAVITY, PSI, PSIDOT, YDOT, Wheelset, Y
-from sim_ecu.play.vehicles import load_vehicle, vehicle_path
+from sim_ecu.play.vehicles import load_vehicle, packaged_vehicles, vehicle_path
 from wrcd.config.settings import read_toml
+from wrcd.core.design import filters_stable
 
 MU = load_vehicle("multiple-unit")
 NOISE = SENSOR_SETS["mems"].yaw_rate.noise_rms, SENSOR_SETS["mems"].lat_accel.noise_rms
@@ -63,6 +69,67 @@ def test_gain_is_found_where_the_solver_cannot_order_its_eigenvalues() -> None:
         except ValueError:
             refused += 1
     assert refused
+
+
+SOFT = Path(__file__).parents[2] / "data" / "soft-bogie.toml"
+DRAWN_FROM = packaged_vehicles()
+SPEEDS_M_S = 3.0 * 20.0 ** (np.arange(48) / 47)
+
+
+def drawn_vehicle(seed: int) -> Wheelset:
+    """A packaged vehicle with half to twice of each suspension constant, up to nine times the yaw damper."""
+    rng, w = np.random.default_rng(seed), load_vehicle(DRAWN_FROM[seed % len(DRAWN_FROM)])
+
+    def times(low: float, high: float) -> float:
+        return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+    bogie = w.bogie and replace(w.bogie, **{
+        name: getattr(w.bogie, name) * times(0.5, 9.0 if name == "secondary_yaw_damping_N_m_s_rad" else 2.0)
+        for name in SUSPENSION
+    })  # fmt: skip
+    return replace(w, k_w=w.k_w * times(0.5, 2.0), gamma=w.gamma * times(0.6, 1.6), bogie=bogie)
+
+
+def check_gains(w: Wheelset, points: Sequence[Point]) -> None:
+    """Whether every filter of a bank solves its equation, and forgets, between two speeds of its grid too."""
+    bank = [[steady_state(w, p, float(v), 0.005, NOISE) for p in points] for v in SPEEDS_M_S]
+    assert max(_misfit(g) for row in bank for g in row) < 1e-6
+    assert filters_stable(*(np.array([[getattr(g, name) for g in row] for row in bank]) for name in ("Phi", "K", "H")))
+
+
+def test_soft_bogie_with_strong_yaw_dampers_has_gains_where_the_solver_gives_up() -> None:
+    brief = read_brief(read_toml(SOFT))
+    g = steady_state(brief.wheelset, POINTS[0], 60.0, 0.005, NOISE)
+    with pytest.raises(ValueError, match="ill-conditioned"):
+        solve_discrete_are(g.Phi.T, g.H.T, g.Q, g.R)
+    check_gains(brief.wheelset, POINTS)
+    check_gains(brief.wheelset, brief.points)
+
+
+@pytest.mark.parametrize("w", [Wheelset(), MU], ids=["lone", "bogie"])
+@pytest.mark.parametrize("k", range(4))
+def test_gain_without_the_solver_is_the_solvers(w: Wheelset, k: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuses(*_: object) -> None:
+        raise ValueError
+
+    speeds = (3.0, 25.0, 60.0)
+    solved = [steady_state(w, POINTS[k], v, 0.005, NOISE) for v in speeds]
+    monkeypatch.setattr("sim_ecu.design.linear.solve_discrete_are", refuses)
+    for v, g in zip(speeds, solved, strict=True):
+        K = steady_state(w, POINTS[k], v, 0.005, NOISE).K
+        assert (np.abs(K - g.K) / np.abs(g.K).max(axis=0)).max() < 2e-7
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_plausible_vehicle_has_gains(seed: int) -> None:
+    check_gains(drawn_vehicle(seed), of_a_train().points)
+
+
+@pytest.mark.night
+def test_two_hundred_plausible_vehicles_have_gains() -> None:
+    for seed in range(200):
+        w = drawn_vehicle(seed)
+        check_gains(w, POINTS if seed % 5 == 0 or w.bogie is None else of_a_train().points)
 
 
 def _misfit(g: Gains) -> float:

@@ -17,8 +17,8 @@ from sim_ecu.design.features import Features
 from sim_ecu.design.make import POINTS, Brief, in_papers_form
 from sim_ecu.design.search import FitAccuracy, Matching, error_of, matching, minimise, objective
 from sim_ecu.design.space import GROUPS, brief_at, groups_of, parameters, vector
-from sim_ecu.play.vehicles import DEFAULT_VEHICLE, load_vehicle
-from wrcd.config.settings import parse_toml
+from sim_ecu.play.vehicles import DEFAULT_VEHICLE, vehicle_path
+from wrcd.config.settings import parse_toml, read_toml
 from wrcd.core.terms import COLUMNS
 from wrcd.errors import InputError
 
@@ -138,7 +138,7 @@ def test_rig_file_with_a_wrong_value_is_an_error(toml: str, says: str) -> None:
 def test_form_on_the_command_line_overrides_the_file() -> None:
     asked = read_brief(parse_toml("[design]\nwindow_s = 2.0", "rig.toml"), "paper")
     assert (asked.form, asked.window_s, asked.longest_s) == ("paper", 2.0, 2.0)
-    own = replace(Brief(), wheelset=load_vehicle(DEFAULT_VEHICLE))
+    own = read_brief(read_toml(vehicle_path(DEFAULT_VEHICLE)))
     assert read_brief(parse_toml("", "rig.toml")) == own
     assert read_brief(parse_toml('[design]\nform = "paper"', "rig.toml"), "wrcd") == own
 
@@ -180,7 +180,7 @@ def test_group_that_is_not_there_is_an_error_that_names_those_that_are() -> None
 
 
 def test_design_points_of_a_file_are_named_after_where_they_are() -> None:
-    text = '[design]\ncurves = ["B", "C", "D", "B"]\ncreep_of_peak = [1, 0.5, 1, 0.004]'
+    text = 'vehicle = "lone-wheelset"\n[design]\ncurves = ["B", "C", "D", "B"]\ncreep_of_peak = [1, 0.5, 1, 0.004]'
     a, b, c, d = read_brief(parse_toml(text, "rig.toml")).points
     assert (a.name, a.curve.name) == ("curve B at its peak", "B")
     assert (b.name, b.creep_of_peak) == ("curve C at 0.5 of its peak's creep", 0.5)
