@@ -23,6 +23,7 @@ def _add(p: argparse.ArgumentParser) -> None:
         choices=("wrcd", "paper"),
         help="wrcd's own form, or the paper's own, which it is compared with (default: as --config says, else wrcd)",
     )
+    p.add_argument("--quick", action="store_true", help="a quarter of the conditions: three minutes, and a worse score")
     p.add_argument(
         "--search", metavar="NAME,…",
         help="make no design: search these numbers, noise, weights, points (creep) or band, and write the best brief",
@@ -83,20 +84,26 @@ def _search(args: argparse.Namespace) -> int:
 
 
 def _make(args: argparse.Namespace) -> int:
-    """Make a design file. Deterministic for one set of library versions. Broken off and begun again, it simulates only
-    what is missing."""
+    """Make a design file, and play it. Deterministic for one set of library versions. Broken off and begun again, it
+    simulates only what is missing."""
+    from dataclasses import replace
+
     from sim_ecu.design.brief import read_brief
+    from sim_ecu.design.cases import in_a_hurry
     from sim_ecu.design.make import bank, fitted, judging, with_placeholder_rules, write
     from sim_ecu.design.pairs import plan_of, require_learning
     from sim_ecu.design.training_jobs import pairs, recorded, remove_parts
     from sim_ecu.jobs.pool import kept, local
     from sim_ecu.play.vehicles import vehicle_path
     from sim_ecu.reporting.result_files import check_output, save
+    from sim_ecu.score.run_score import short
     from wrcd.config.settings import read_whole
     from wrcd.core.design import parse_design
     from wrcd.progress import Progress
 
     brief = read_whole(vehicle_path(args.config), lambda top, _: read_brief(top, args.form))
+    if args.quick:
+        brief = replace(brief, plan=in_a_hurry(brief.plan))
     check_output("-o", args.output)
     if brief.form == "wrcd":
         require_learning()
@@ -113,7 +120,7 @@ def _make(args: argparse.Namespace) -> int:
             if brief.form == "wrcd":
                 design = parse_design(document, args.output)
                 watched = pairs(brief.wheelset, plan_of(brief.plan), design, parts, workers, progress.at)
-                document = judging(document, watched, progress.at)
+                document = judging(document, watched, progress.at, workers)
             save(args.output, lambda partly: write(document, partly))
     finally:
         progress.end()
@@ -125,12 +132,14 @@ def _make(args: argparse.Namespace) -> int:
         f"on its own {fit['windows']} training windows: mean error {fit['mean_error_pp']} pp, "
         f"p95 {fit['p95_error_pp']} pp"
     )
+    if brief.form == "wrcd":
+        print(short(args.output, args.jobs))
     return 0
 
 
 COMMAND = Subcommand(
     "design",
-    "make the design file of a vehicle (takes half an hour)",
+    "make the design file of a vehicle (takes ten minutes), and play it",
     (
         ("sim-ecu design --config metro -o metro.design.json", "the design of a vehicle that comes along"),
         ("sim-ecu design --config my-rig.toml --search noise,weights -o better.toml", "a brief with a better bank"),

@@ -127,7 +127,7 @@ def _doubled(Phi: FloatArray, H: FloatArray, Q: FloatArray, R: FloatArray) -> Fl
         more = A.T @ P @ through
         P = P + 0.5 * (more + more.T)
         if np.abs(more).max() <= np.finfo(float).eps * np.abs(P).max():
-            return P
+            return np.asarray(P)
         G = G + A @ seen @ A.T
         G, A = 0.5 * (G + G.T), A @ through
     raise np.linalg.LinAlgError("the filter has no steady gain")

@@ -26,6 +26,7 @@ from sim_ecu.physics.wheelset import Wheelset
 from wrcd.checksum import checksum
 from wrcd.core.design import FORMAT, Design, parse_design
 from wrcd.core.terms import COLUMNS, INPUTS, MODELS, NOISE
+from wrcd.errors import InputError
 
 FloatArray = NDArray[np.float64]
 RESIDUAL_NAMES = ("Low", "Moderate", "High")
@@ -113,10 +114,12 @@ def fitted(
     return document
 
 
-def judging(document: dict[str, Any], parts: list[Watched], progress: Progress = quietly) -> dict[str, Any]:
+def judging(
+    document: dict[str, Any], parts: list[Watched], progress: Progress = quietly, workers: Workers | None = None
+) -> dict[str, Any]:
     """The document with the parts that pairs of sensors are judged by, and that make intervals as wide as they must
-    be."""
-    found = {"interval": intervals(parts), "health": fit_health(parts, progress)}
+    be. workers: as of `features`."""
+    found = {"interval": intervals(parts), "health": fit_health(parts, progress, workers)}
     for name, part in found.items():
         document = document | {
             name: {k: _short(v, 6).tolist() if isinstance(v, np.ndarray) else v for k, v in part.items()}
@@ -135,15 +138,21 @@ def rule_base(brief: Brief, data: Features, progress: Progress = quietly) -> Rul
 
 
 def bank(brief: Brief) -> dict[str, Any]:
-    """Inputs, versions and the bank's matrices over a grid of speeds (evenly spaced in the logarithm)."""
+    """Inputs, versions and the bank's matrices over a grid of speeds (evenly spaced in the logarithm).
+
+    Raises InputError for a vehicle that no filter can follow."""
     from scipy.signal import butter, ellip
 
     lo, hi = brief.speed_range
     speeds = _short(lo * (hi / lo) ** (np.arange(brief.grid) / (brief.grid - 1)), 6)
     sensors = SENSOR_SETS[brief.plan.sensors]
     noise = (sensors.yaw_rate.noise_rms, sensors.lat_accel.noise_rms)
-    table = [[steady_state(brief.wheelset, p, float(v), brief.tick_s, noise) for p in brief.points] for v in speeds]
-    whiten = [[_whiten(brief, g, p, noise) for g, p in zip(row, brief.points, strict=True)] for row in table]
+    try:
+        table = [[steady_state(brief.wheelset, p, float(v), brief.tick_s, noise) for p in brief.points] for v in speeds]
+        whiten = [[_whiten(brief, g, p, noise) for g, p in zip(row, brief.points, strict=True)] for row in table]
+    except np.linalg.LinAlgError as e:
+        hint = "check the numbers of [vehicle] and [wheelset], and the noise of [design]"
+        raise InputError(f"makes no bank of filters: {e}", key="vehicle", hint=hint) from None
     rate = 1.0 / brief.tick_s
     lowpass = _short(PASS if brief.form == "paper" else ellip(5, 0.5, 60, brief.band_hz, fs=rate, output="sos"))
     highpass = _short(butter(4, brief.pulse_hz, "high", fs=rate, output="sos"))
@@ -265,6 +274,8 @@ def changes(brief: Brief, steps: Steps) -> dict[str, Any]:
     at = np.log(steps.speed_m_s[known])
     decades = np.abs(steps.decades[known])
     enough = len(at) // len(CHANGE_SPEEDS)
+    if not enough:
+        raise InputError("too few conditions", key="per_speed", hint="a usual [plan] has thousands of them")
     near = [np.argsort(np.abs(at - np.log(v)), kind="stable")[:enough] for v in CHANGE_SPEEDS]
     limits = [np.quantile(decades[n], brief.unchanged_share, axis=0) for n in near]
     return {"speeds_m_s": list(CHANGE_SPEEDS), "limits": _short(CHANGE_MARGIN * np.array(limits), 3).tolist()}

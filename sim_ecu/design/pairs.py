@@ -14,6 +14,8 @@ from sim_ecu.design.recordings import Recording, measured
 from sim_ecu.design.rules import quantiles
 from sim_ecu.design.side_by_side import SideBySide
 from sim_ecu.design.train_worlds import TRANSITION_S, curve_and_cant
+from sim_ecu.jobs.pool import Workers
+from sim_ecu.jobs.whole import each
 from sim_ecu.physics.wheelset import Wheelset
 from wrcd.core.design import Design, HealthModel
 from wrcd.core.estimator import evidence, step_through
@@ -249,17 +251,21 @@ def intervals(parts: Sequence[Watched]) -> dict[str, Any]:
     return {"regimes": [r.words for r in Regime], "speeds_m_s": INTERVAL_SPEEDS, "factors": factors}
 
 
-def fit(parts: Sequence[Watched], progress: Progress = quietly) -> dict[str, Any]:
+def fit(parts: Sequence[Watched], progress: Progress = quietly, workers: Workers | None = None) -> dict[str, Any]:
     """The design's part that judges pairs: a network fitted to all groups, and for each state how much of its word
-    counts, by what networks that were fitted to the others say of the sound pairs of every group."""
+    counts, by what networks that were fitted to the others say of the sound pairs of every group. workers: whose
+    processes do it; None: the caller's does. Raises Stopped where one of them cannot."""
     folds = min(HELD_OUT, len(parts))
-    held_out = []
-    for fold in range(folds):
-        others = [p for k, p in enumerate(parts) if k % folds != fold] if folds > 1 else parts
-        held_out.append((network(others)[0], parts[fold::folds]))
-        progress("learning to judge", (fold + 1) / (folds + 1))
-    temper = tempers(held_out)
-    model, spans, loss = network(parts)
+    lots = [[p for k, p in enumerate(parts) if k % folds != fold] if folds > 1 else parts for fold in range(folds)]
+    jobs = [chosen(lot) for lot in (parts, *lots)]
+    names = ["the network of all groups", *(f"a network that judges part {k + 1}" for k in range(folds))]
+    ends = enumerate(map(network, jobs)) if workers is None else each(network, jobs, workers, names)
+    found = {}
+    for place, result in ends:
+        found[place] = result
+        progress("learning to judge", len(found) / len(jobs))
+    model, spans, loss = found[0]
+    temper = tempers([(found[k + 1][0], parts[k::folds]) for k in range(folds)])
     return {
         "states": [s.words for s in PairState], "middle": model.middle, "scale": model.scale, "hidden": model.hidden,
         "hidden_bias": model.hidden_bias, "out": model.out, "out_bias": model.out_bias, "temper": temper,
@@ -273,16 +279,14 @@ def _prior() -> FloatArray:
     return prior
 
 
-def network(parts: Sequence[Watched]) -> tuple[HealthModel, int, float]:
+def network(spans: tuple[NDArray[np.float16], NDArray[np.int8]]) -> tuple[HealthModel, int, float]:
     """How much likelier each state is than a sound pair, with no temper yet; how many spans that is of, and its loss on
-    them."""
+    them. spans: features (n, PAIR_FEATURES) and states (n,)."""
     # an extra of its own: who has a design does not need it
     from sklearn.exceptions import ConvergenceWarning
     from sklearn.neural_network import MLPClassifier
 
-    rng = np.random.default_rng(0)
-    x, y = (np.concatenate(of) for of in zip(*(_chosen(p, rng) for p in parts), strict=True))
-    assert x.shape[1] == PAIR_FEATURES
+    x, y = spans[0].astype(np.float32), spans[1]
     middle, scale = x.mean(axis=0), x.std(axis=0) + 1e-6
     z = np.clip((x - middle) / scale, -MAX_FEATURE, MAX_FEATURE)
     net = MLPClassifier(
@@ -304,10 +308,15 @@ def network(parts: Sequence[Watched]) -> tuple[HealthModel, int, float]:
     return model, len(y), float(net.loss_)
 
 
-def _chosen(p: Watched, rng: np.random.Generator) -> tuple[NDArray[np.float32], NDArray[np.int8]]:
+def chosen(parts: Sequence[Watched]) -> tuple[NDArray[np.float16], NDArray[np.int8]]:
     """Spans to learn from: one differs little from the next."""
-    keep = (p.state >= 0) & (rng.random(p.state.shape) < np.where(p.state == PairState.SOUND, KEEP_SOUND, KEEP))
-    return p.features[keep].astype(np.float32), p.state[keep]
+    rng, x, y = np.random.default_rng(0), [], []
+    for p in parts:
+        share = np.where(p.state == PairState.SOUND, KEEP_SOUND, KEEP)
+        keep = (p.state >= 0) & (rng.random(p.state.shape) < share)
+        x.append(p.features[keep])
+        y.append(p.state[keep])
+    return np.concatenate(x), np.concatenate(y)
 
 
 def tempers(held_out: Sequence[tuple[HealthModel, Sequence[Watched]]]) -> FloatArray:

@@ -4,6 +4,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +13,18 @@ from sim_ecu.design.brief import load_source
 from sim_ecu.jobs.whole import Missing, Piece, every, left_out, not_whole
 from sim_ecu.reporting.result_files import check_output, status_by_goals, write_json
 from sim_ecu.reporting.table import markdown
+from sim_ecu.reporting.values import number, share
 from sim_ecu.score import SUITES
 from sim_ecu.score.baselines import PAPER, Baseline, Beside, TorqueRatio, fitting
+from sim_ecu.score.metrics import bootstrap
+from sim_ecu.score.metrics.accuracy import OURS, accuracy, gather
+from sim_ecu.score.metrics.honesty import own_coverage
 from sim_ecu.score.report import judge
 from sim_ecu.score.score_play import Trace, play
 from sim_ecu.score.sections import sections, warnings
 from sim_ecu.score.suites import PAIRED, runs
-from sim_ecu.score.suites.run import Run
+from sim_ecu.score.suites.run import TEST, Run
+from sim_ecu.score.suites.worlds import WORLDS
 from wrcd import resources
 from wrcd.config.config import load_config
 from wrcd.config.packaged_designs import design_path
@@ -29,6 +35,7 @@ from wrcd.errors import InputError
 QUICK = 0.08  # share of the runs in a quick score, at least one of each variant
 # suites in which baselines run beside
 COMPARED = ("paper", "grid", "robust", "rough", "transitions", "drops", "cycles", "slow")
+SHORT = 10  # runs of a short score, four axles each
 WHOLE = ("worlds",)  # suites in which other designs do not only estimate beside, but have a core each
 
 
@@ -66,6 +73,26 @@ def run(
     if missing:
         raise not_whole(missing)
     return status_by_goals(fail_on, result["goals"])
+
+
+def short(design: Path, jobs: int) -> str:
+    """Play a design on SHORT of its own vehicle's runs, and say how it did; Valid frames only, 90 % intervals in
+    brackets. A lone wheelset's are of the grid."""
+    source = load_source(design)
+    if source.wheelset.bogie is None:
+        plays = list(islice(runs(source, "grid", 1.0), SHORT))
+    else:
+        plays = [WORLDS[0].play(source, TEST, k) for k in range(SHORT)]
+    traces, missing = _play_all(plays, jobs, ScoreRequest(design, ()))
+    if missing:
+        raise not_whole(missing)
+    f = gather(traces)
+    error = accuracy(f, OURS)
+    return (
+        f"on {len(traces)} axles of its own kind of vehicle: mean error {number(error['mean'])} pp, "
+        f"Valid {share(bootstrap.mean(f.valid, f.run))}, Valid and wrong {share(error['valid_and_wrong'])}, "
+        f"its own interval holds the truth in {share(own_coverage(f))}"
+    )
 
 
 def paper_form_of(design: Path) -> Path | None:

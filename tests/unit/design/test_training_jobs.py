@@ -193,14 +193,14 @@ def test_design_that_was_broken_off_after_its_simulations_simulates_nothing(
 def test_pairs_are_kept_and_are_of_both_wheelsets_of_a_bogie(tmp_path: Path, vehicle: str) -> None:
     """A lone wheelset's group runs once more, half of it in canted curves."""
     w, design = load_vehicle(vehicle), load_design(DESIGNS / f"{vehicle}.design.json")
-    plan = replace(PLAN, seconds=3.0, speeds=1, per_speed=2)
+    plan = replace(PLAN, seconds=3.0, speeds=1, per_speed=4)
     first = pairs(w, plan, design, tmp_path, Workers(None), quietly)
     again = pairs(w, plan, design, tmp_path, Workers(None), quietly)
     assert len(first) == len(draw(plan, w))
     for a, b, group in zip(first, again, draw(plan, w), strict=True):
         for f in fields(Watched):
             np.testing.assert_array_equal(getattr(a, f.name), getattr(b, f.name))
-        each = (SOUND_EACH + EACH) * 2 * len(group.conditions) * (2 if w.bogie is None else 1)
+        each = (SOUND_EACH + EACH) * len(group.conditions) * (2 if w.bogie is None else 1)
         assert each <= a.features.shape[1] == len(a.partner) == len(a.held) <= 1.25 * each
         assert a.features.shape[2] == PAIR_FEATURES
         assert np.isfinite(a.features.astype(float)).all()
