@@ -200,6 +200,11 @@ def read_brief(top: Section, form: str | None = None, base: Brief | None = None)
         raise d.error(f"must be window_s = {brief.window_s:g}: windows do not grow in the paper's form", "longest_s")
     if 2 * brief.recent_s > brief.window_s:
         raise d.error(f"must not be more than half of window_s = {brief.window_s:g}, is {brief.recent_s:g}", "recent_s")
+    origin = top.raw("origin")
+    if origin is not None:
+        if not isinstance(origin, dict) or not isinstance(origin.get("logs", []), list):
+            raise top.error("must be a table whose logs are a list", "origin", "`sim-ecu calibrate` writes it")
+        brief = replace(brief, origin=json.loads(json.dumps(origin, default=str)))
     TITLE.read(top)  # a packaged vehicle has one
     for section in (d, p, top):
         section.done()
@@ -274,6 +279,8 @@ def written(brief: Brief, comments: Sequence[str] = ()) -> str:
         f"creep_of_peak = {json.dumps([p.creep_of_peak for p in points])}",
         "# of each model: y_t' (m/s), yaw and lateral acceleration (rad/s2, m/s2), per root Hz; the yaw rate's weight",
         "noise = [", *(f"    {json.dumps([*p.noise, p.yaw_rate_weight])},  # {p.name}" for p in points), "]",
+        *(["", "[origin]"] if brief.origin else []),
+        *(f"{name} = {json.dumps(value)}" for name, value in brief.origin.items()),
         "", "[plan]", *(f"{name} = {json.dumps(getattr(plan, name))}" for name in PLAN_WHOLES),
         *(f"{name} = {json.dumps(value)}" for name, value in shares.items()), f"sensors = {json.dumps(plan.sensors)}",
     ]  # fmt: skip

@@ -317,10 +317,11 @@ def simulate(w: Wheelset, c: Condition, seconds: float, tick_s: float) -> Sample
 
 
 def simulate_group(w: Wheelset, conditions: Sequence[Condition], seconds: float, tick_s: float) -> FloatArray:
-    """Play conditions that share the vehicle's speed, side by side. Returns (ticks, OUTPUTS, n)."""
+    """Play conditions that share the vehicle's speed, side by side: all alone, or all in twos, each two in a bogie.
+    Returns (ticks, OUTPUTS, n)."""
     held_speed = _held_speed(conditions[0], seconds, tick_s)
     out = np.empty((len(held_speed), OUTPUTS, len(conditions)))
-    each = 2 if any(c.trailing for c in conditions) else 1
+    each = 2 if len(conditions) > 1 and all(c.trailing for c in conditions[1::2]) else 1
     trains = [conditions[i : i + each] for i in range(0, len(conditions), each)]
     # neighbours of like stiffness take steps alike
     order = np.argsort([-max(_stiffness(w, c) for c in train) for train in trains], kind="stable")

@@ -3,6 +3,7 @@
 import importlib.metadata
 import json
 import sys
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from sim_ecu.design.pairs import fit as fit_health
 from sim_ecu.design.paper import PAPER_GRID, PAPER_POINTS, PASS, TORQUE_SETS, PaperRules, fit_paper, output_sets
 from sim_ecu.design.recordings import Recording
 from sim_ecu.design.rules import PAPER_POLYNOMIAL, RuleBase, fit, polynomial
-from sim_ecu.design.train_worlds import sentences
+from sim_ecu.design.train_worlds import calibrated, sentences
 from sim_ecu.jobs.pool import Workers
 from sim_ecu.physics.contact import CURVES
 from sim_ecu.physics.sensors import SENSOR_SETS
@@ -87,6 +88,7 @@ class Brief:
     max_rules: int = 100
     polynomial: str = "fitted"  # or "paper": (16)
     saturated_share: float = 0.93
+    origin: Mapping[str, Any] = field(default_factory=dict, hash=False)  # of numbers that logs told, see `calibrated`
     unchanged_share: float = 0.9995  # of windows on one rail in which a residual stays within its limit of change
 
 
@@ -160,13 +162,17 @@ def bank(brief: Brief) -> dict[str, Any]:
         "format": FORMAT,
         "form": brief.form,
         "name": brief.wheelset.name,
-        "worlds": sentences(brief.wheelset, brief.plan.roughness_range),
+        "worlds": [
+            *sentences(brief.wheelset, brief.plan.roughness_range),
+            *(calibrated(brief.wheelset, brief.origin) if brief.origin else ()),
+        ],
         "inputs": {
             "wheelset": asdict(brief.wheelset),
             "normal_N": brief.wheelset.normal_N,
             "curves": {c.name: asdict(c) for c in CURVES.values()},
             "sensors": asdict(sensors),
             "plan": asdict(brief.plan),
+            **({"origin": dict(brief.origin)} if brief.origin else {}),
         },
         "versions": {
             "python": ".".join(map(str, sys.version_info[:2])),

@@ -5,7 +5,10 @@ Every range is for `wider` 1, the training's; judging stretches it to 1.5 and ad
 """
 
 import math
-from dataclasses import replace
+import textwrap
+from collections.abc import Mapping
+from dataclasses import asdict, replace
+from typing import Any
 
 import numpy as np
 
@@ -36,6 +39,7 @@ OTHERS = 2  # conditions in other worlds for each in the design's own
 # tracks smoother than the plan's, and with each of curves, film edges and a change of speed.
 UNTIED, SAMPLED, SMOOTH, SOME = 0.6, 0.4, 0.2, 0.4
 SMOOTHEST = 0.1  # of the plan's smoothest track's density
+CONSTANTS_WIDTH = 100  # characters of a line of them
 BEGINS, TRANSITION_S = 0.5, (1.0, 3.0)  # of the curves, those that begin while the train runs; over so long
 
 
@@ -125,6 +129,17 @@ def sentences(w: Wheelset, roughness: tuple[float, float]) -> list[str]:
         "of them begin on the way",
         f"in {SOME:.0%} film edges of {EDGE_M[0]:g} to {EDGE_M[1]:g} m; in {SOME:.0%} up to {BRAKES_M_S2:g} m/s2 of "
         "braking or traction",
+    ]
+
+
+def calibrated(w: Wheelset, origin: Mapping[str, Any]) -> list[str]:
+    """Say which constants a train's own logs told, and when. origin: `date`, and `logs`, a list."""
+    known = {**({} if w.bogie is None else asdict(w.bogie)), "m_w": w.m_w, "I_w": w.I_w, "gamma": w.gamma}
+    facts = ", ".join(f"{name} {value:.4g}" for name, value in known.items() if not name.startswith("flange"))
+    logs = origin.get("logs", ())
+    return [
+        f"calibrated {origin.get('date', 'at an unknown date')} from {len(logs)} log{'s' * (len(logs) != 1)}:",
+        *textwrap.wrap(facts, CONSTANTS_WIDTH, break_on_hyphens=False),
     ]
 
 

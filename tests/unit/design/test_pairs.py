@@ -22,6 +22,7 @@ from sim_ecu.design.pairs import (
     tempers,
 )
 from sim_ecu.design.recordings import Recording
+from sim_ecu.jobs.pool import Workers
 from wrcd.core.design import Design, HealthModel, load_design
 from wrcd.core.terms import CERTAIN, PAIR_FEATURES, SPAN_TICKS, PairState, Regime
 from wrcd.resources import DESIGN
@@ -111,6 +112,16 @@ def test_network_tells_the_states_apart_and_one_that_never_came_is_not_found() -
     assert model["temper"][PairState.REVERSED] > 0.0
     assert model["out_bias"][PairState.LATE] == -CERTAIN
     assert model["prior"].sum() == pytest.approx(1.0)
+
+
+@pytest.mark.usefixtures("jobs_here")
+def test_networks_that_are_fitted_side_by_side_are_the_same() -> None:
+    parts = [pairs(20, 16, seed) for seed in range(4)]
+    told: list[float] = []
+    one = fit(parts, lambda _what, share: told.append(share))
+    for name, found in fit(parts, workers=Workers(None)).items():
+        np.testing.assert_array_equal(found, one[name])
+    assert told == [0.2, 0.4, 0.6, 0.8, 1.0]
 
 
 def test_evidence_counts_as_far_as_sound_pairs_stay_unaccused() -> None:

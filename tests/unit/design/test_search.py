@@ -14,13 +14,13 @@ from sim_ecu.design import search
 from sim_ecu.design.brief import read_brief, written
 from sim_ecu.design.cases import FloatArray
 from sim_ecu.design.features import Features
-from sim_ecu.design.make import POINTS, Brief, in_papers_form
+from sim_ecu.design.make import POINTS, Brief, bank, in_papers_form, with_placeholder_rules
 from sim_ecu.design.search import FitAccuracy, Matching, error_of, matching, minimise, objective
 from sim_ecu.design.space import GROUPS, brief_at, groups_of, parameters, vector
 from sim_ecu.play.vehicles import DEFAULT_VEHICLE, vehicle_path
 from wrcd.config.settings import parse_toml, read_toml
 from wrcd.core.terms import COLUMNS
-from wrcd.errors import InputError
+from wrcd.errors import InputError, Status
 
 
 def silent(_what: str, _share: float) -> None:
@@ -141,6 +141,56 @@ def test_form_on_the_command_line_overrides_the_file() -> None:
     own = read_brief(read_toml(vehicle_path(DEFAULT_VEHICLE)))
     assert read_brief(parse_toml("", "rig.toml")) == own
     assert read_brief(parse_toml('[design]\nform = "paper"', "rig.toml"), "wrcd") == own
+
+
+def test_bogie_takes_what_its_file_leaves_out_from_the_default_vehicle_and_a_lone_wheelset_does_not() -> None:
+    own = read_brief(read_toml(vehicle_path(DEFAULT_VEHICLE)))
+    soft = read_brief(parse_toml("[vehicle]\nprimary_yaw_N_m_rad = 3e6\n[plan]\nown_weight = 1.5", "rig.toml"))
+    assert (soft.points, soft.band_hz) == (own.points, own.band_hz)
+    assert soft.plan == replace(own.plan, own_weight=1.5)
+    assert read_brief(parse_toml('vehicle = "lone-wheelset"', "rig.toml")).points == POINTS
+
+
+CALIBRATED = """
+[wheelset]
+gamma = 0.13
+[origin]
+date = 2026-11-29
+logs = ["aa", "bb"]
+stretches = [[0.0, 20.5]]
+"""
+
+
+def test_design_of_a_calibrated_vehicle_says_when_and_with_what_constants() -> None:
+    brief = read_brief(parse_toml(CALIBRATED, "rig.toml"))
+    document = bank(replace(brief, grid=2))
+    assert document["inputs"]["origin"] == {"date": "2026-11-29", "logs": ["aa", "bb"], "stretches": [[0.0, 20.5]]}
+    worlds = with_placeholder_rules(document).worlds
+    at = worlds.index("calibrated 2026-11-29 from 2 logs:")
+    said = " ".join(worlds[at:])
+    assert "primary_yaw_N_m_rad 5e+06" in said
+    assert "gamma 0.13" in said
+    assert read_brief(parse_toml(written(brief), "brief.toml")) == brief
+    assert not [w for w in bank(Brief(grid=2))["worlds"] if w.startswith("calibrated")]
+
+
+@pytest.mark.parametrize("origin", ["origin = 3", '[origin]\nlogs = "aa"'])
+def test_origin_that_is_none_is_an_error(origin: str) -> None:
+    with pytest.raises(InputError, match="origin: must be a table"):
+        read_brief(parse_toml(origin, "rig.toml"))
+
+
+def test_vehicle_that_no_filter_can_follow_is_an_error_of_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def has_none(*_: object) -> None:
+        raise np.linalg.LinAlgError("no steady gain")
+
+    monkeypatch.setattr("sim_ecu.design.make.steady_state", has_none)
+    assert main(["design", "-o", str(tmp_path / "a.json")]) == Status.BAD_INPUT
+    said = capsys.readouterr().err
+    assert re.search(r"vehicle: makes no bank of filters: no steady gain — .+\n$", said)
+    assert said.count("\n") == 1
 
 
 @pytest.mark.parametrize("brief", [Brief(), in_papers_form(Brief())], ids=["wrcd", "paper"])

@@ -1,5 +1,6 @@
 """The training's simulations as jobs: what is kept when they are broken off, and what is taken up again."""
 
+import json
 from collections.abc import Callable
 from dataclasses import fields, replace
 from pathlib import Path
@@ -9,7 +10,7 @@ import pytest
 
 from sim_ecu.cli.main import main
 from sim_ecu.design import training_jobs
-from sim_ecu.design.cases import Plan, draw, quietly
+from sim_ecu.design.cases import QUICK_PER_SPEED, Plan, draw, quietly
 from sim_ecu.design.pairs import EACH, FIRST_SPAN, SOUND_EACH, Watched
 from sim_ecu.design.recordings import Recording, record
 from sim_ecu.design.training_jobs import PART, GroupJob, pairs, recorded, remove_parts
@@ -187,6 +188,37 @@ def test_design_that_was_broken_off_after_its_simulations_simulates_nothing(
     assert len(simulated) == GROUPS
     assert f"{out}.parts: 4 of 4 groups were there" in capsys.readouterr().out
     assert sorted(f.name for f in tmp_path.iterdir()) == ["made.json", "rig.toml"]
+
+
+BOGIE = """
+[design]
+grid = 6
+max_rules = 4
+[plan]
+speeds = 2
+per_speed = 60
+"""
+
+
+@pytest.mark.night
+def test_quick_design_judges_sensors_and_is_played_at_its_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sim_ecu.score.run_score.SHORT", 1)
+    (tmp_path / "rig.toml").write_text(BOGIE)
+    out = tmp_path / "made.json"
+    command = ["design", "--quick", "--config", str(tmp_path / "rig.toml"), "-o", str(out), "--jobs", "1"]
+    assert main(command) == Status.DONE
+    said = capsys.readouterr()
+    assert "on 4 axles of its own kind of vehicle: mean error" in said.out
+    assert "Valid and wrong" in said.out
+    assert json.loads(out.read_text())["inputs"]["plan"]["per_speed"] == QUICK_PER_SPEED
+    design = load_design(out)
+    assert design.interval is not None
+    assert design.health is not None
+    for doing in ("gains", "simulating conditions", "residuals", "rule base", "looking at sensors",
+                  "learning to judge", "worlds: run 1 of 1"):  # fmt: skip
+        assert f"{doing}: 100 %" in said.err
 
 
 @pytest.mark.parametrize("vehicle", [LONE, DEFAULT_DESIGN])
