@@ -35,7 +35,7 @@ UNSATURATED, END_SHARE = 0.5, (0.25, 0.95)  # of the rails that get worse: those
 NOISE_FACTORS = (0.6, 2.2)  # of sensors noisier or quieter than their kind
 OTHER_TORQUE = 0.5  # of the second wheelsets of a bogie: a motor may be off, or its wheels slip
 TORQUE = ("utilisation", "creep_of_peak", "cycle_hz", "cycle_low", "cycle_rise", "limit_of_peak", "turns_to", "turns_s")
-QUICK_PER_SPEED = 40  # of a plan in a hurry
+QUICK_PER_SPEED = 30  # of a plan in a hurry
 BATCH = 2 * LANES  # conditions that are simulated in one call
 Progress = Callable[[str, float], None]  # what is going on, share of it that is done
 
@@ -85,7 +85,7 @@ class Plan:
 
     seed: int = 1
     speeds: int = 32
-    per_speed: int = 150
+    per_speed: int = 100
     speed_range: tuple[float, float] = (3.2, 58.0)
     friction_range: tuple[float, float] = (0.022, 0.65)
     utilisation_range: tuple[float, float] = (0.0, 1.0)

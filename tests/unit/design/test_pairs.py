@@ -133,6 +133,8 @@ def test_evidence_counts_as_far_as_sound_pairs_stay_unaccused() -> None:
     model = HealthModel(middle, scale, hidden, np.zeros(1), out, np.zeros(s), np.zeros(s), prior, 0.97, 1e-6)
     x = -np.ones((100, 400, PAIR_FEATURES))
     honest = tempers([(model, [watched(x, np.zeros((100, 400)))])])[PairState.REVERSED]
-    x[:, : max(1, round(10 * ACCUSED * 400)), 0] = 1.0  # of so many sound pairs it says that they are reversed
+    x[:, : len(PARTNERS), 0] = 1.0  # of one sound pair with each partner it says that it is reversed: of few, bad luck
+    assert tempers([(model, [watched(x, np.zeros((100, 400)))])])[PairState.REVERSED] == honest
+    x[:, : max(2 * len(PARTNERS), round(10 * ACCUSED * 400)), 0] = 1.0
     misled = tempers([(model, [watched(x, np.zeros((100, 400)))])])[PairState.REVERSED]
     assert 0.0 <= misled < honest
