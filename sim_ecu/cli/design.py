@@ -94,14 +94,17 @@ def _make(args: argparse.Namespace) -> int:
     from sim_ecu.design.pairs import plan_of, require_learning
     from sim_ecu.design.training_jobs import pairs, recorded, remove_parts
     from sim_ecu.jobs.pool import kept, local
+    from sim_ecu.play.suspension import conversions
     from sim_ecu.play.vehicles import vehicle_path
     from sim_ecu.reporting.result_files import check_output, save
     from sim_ecu.score.run_score import short
-    from wrcd.config.settings import read_whole
+    from wrcd.config.settings import read_toml, read_whole
     from wrcd.core.design import parse_design
     from wrcd.progress import Progress
 
     brief = read_whole(vehicle_path(args.config), lambda top, _: read_brief(top, args.form))
+    for line in conversions(read_toml(vehicle_path(args.config))):
+        print(line)
     if args.quick:
         brief = replace(brief, plan=in_a_hurry(brief.plan))
     check_output("-o", args.output)

@@ -86,8 +86,8 @@ SHARED: tuple[Key, ...] = tuple(k for k in play_keys.SHARED if k is not play_key
 # By the table's name. The others (rail, wheelset, sensors, axlebox, fault) are those of a scenario to play.
 TABLES: Mapping[str, tuple[Key, ...]] = {
     "": (
-        play_keys.TITLE, play_keys.DURATION, play_keys.AXLES, SPEED, *SHARED, *play_keys.VEHICLE_TABLES, play_keys.OF_AXLE,
-        play_keys.FAULT, DRIVER, ACTUATORS, CLEANING, STOP, SPEED_OF_WRCD,
+        play_keys.TITLE, play_keys.DURATION, play_keys.AXLES, SPEED, *SHARED, *play_keys.VEHICLE_TABLES,
+        play_keys.OF_AXLE, play_keys.FAULT, DRIVER, ACTUATORS, CLEANING, STOP, SPEED_OF_WRCD,
     ),
     "driver": (DEMAND,),
     "actuators": (FULL_BRAKE, OF_DRIVE, OF_PNEUMATICS),

@@ -65,7 +65,7 @@ BUDGETS = {
     "examples": 416,
     "sim_ecu": 8,
     "sim_ecu/campaign": 1221,
-    "sim_ecu/cli": 729,
+    "sim_ecu/cli": 760,
     "sim_ecu/design": 5445,
     "sim_ecu/jobs": 367,
     "sim_ecu/loop": 3214,

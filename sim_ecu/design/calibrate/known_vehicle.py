@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from sim_ecu.physics.wheelset import Wheelset
+from sim_ecu.play.suspension import read_suspension
 from sim_ecu.play.vehicles import read_intervals, read_vehicle
 from wrcd.config.settings import Section
 from wrcd.fit.bogie import PRIOR_SIGMA
@@ -32,7 +33,7 @@ def read_known(top: Section) -> KnownVehicle:
     load_kg = own.maybe("M_v", float)
     if held is not None:
         _require(own, held, load_kg)
-    given = [*own, *(held or ())]
+    given = [*own, *(held or ()), *read_suspension(top)]
     if load_kg is not None:
         own.pop("M_v", "", "")
     wheelset = read_vehicle(top)

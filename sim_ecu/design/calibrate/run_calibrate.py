@@ -10,9 +10,10 @@ from sim_ecu.design.calibrate.calibration import Calibration, calibrate
 from sim_ecu.design.calibrate.calibration_words import constant_lines, sensors, to_record, used
 from sim_ecu.design.calibrate.known_vehicle import read_known
 from sim_ecu.design.calibrate.vehicle_file import vehicle_text
+from sim_ecu.play.suspension import conversions
 from sim_ecu.reporting.result_files import check_output, save
 from wrcd.config.config import load_config
-from wrcd.config.settings import read_whole
+from wrcd.config.settings import read_toml, read_whole
 from wrcd.errors import InputError, Status
 from wrcd.progress import Progress
 
@@ -27,6 +28,8 @@ def run(
     if output in (*logs, known_file):
         raise InputError("would be overwritten", file=output, key="-o", hint="name another file")
     known = read_whole(known_file, lambda top, _: read_known(top))
+    for line in conversions(read_toml(known_file)):
+        print(line)
     config = load_config(config_file)
     places = places_of(config, axles)
     runs = [bogie_ticks(log, config, places, channel) for log in logs]

@@ -99,6 +99,19 @@ def test_load_and_wheelbase_stay_what_is_known(found: Calibration) -> None:
     assert w.bogie.semi_wheelbase_m == 1.25
 
 
+def test_what_a_data_sheet_gives_of_a_suspension_is_known_and_shown(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    parts = "[suspension]\nyaw_damper_N_s_m = 1e5\nyaw_damper_spacing_m = 2.6\n"
+    known = read_known(parse_toml(KNOWN + parts, "known.toml"))
+    assert of(known.wheelset, "secondary_yaw_damping_N_m_s_rad") == pytest.approx(2 * 1e5 * 1.3**2)
+    assert known.sigma["secondary_yaw_damping_N_m_s_rad"] < 0.1
+    (folder / "known.toml").write_text(KNOWN + parts)
+    (folder / "empty.log").write_text("")
+    assert main(["calibrate", "empty.log", "--known", "known.toml", "-o", "mine.toml"]) == Status.BAD_INPUT
+    assert "secondary_yaw_damping_N_m_s_rad = 2 x 100000 x (2.6 / 2)^2 = 3.38e+05\n" in capsys.readouterr().out
+
+
 def test_command_writes_a_vehicle_that_design_and_scenarios_take(
     log: Path, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
