@@ -111,7 +111,8 @@ def minimise(
 IntArray = NDArray[np.int64]
 GRID = 24  # speeds of a candidate's bank
 # Conditions that a candidate is judged by, at most; half of them in worlds that differ. With fewer, the rules of any
-# bank learn them by heart, and the bank hardly matters. From one in VALIDATED of them no rules are made.
+# bank learn them by heart, and the bank hardly matters: at each speed there are three times as many as in the plan.
+# From one in VALIDATED of them no rules are made.
 SPEEDS, PER_SPEED, VALIDATED = 3, 300, 3
 MAX_RULES = 40  # of a candidate: a sixth of the time of a hundred
 # Plans have seeds up to 1000; a score's seeds begin at two thousand million: what lies between belongs to the search.
@@ -189,7 +190,7 @@ Objective: TypeAlias = FitAccuracy | Matching  # what a search makes small
 def objective(brief: Brief, seed: int, progress: Progress = quietly) -> Objective:
     """What the brief's form is searched for; simulates its conditions (seconds). Deterministic for a brief and seed."""
     plan = replace(
-        brief.plan, speeds=min(brief.plan.speeds, SPEEDS), per_speed=min(brief.plan.per_speed, PER_SPEED),
+        brief.plan, speeds=min(brief.plan.speeds, SPEEDS), per_speed=min(SPEEDS * brief.plan.per_speed, PER_SPEED),
         speed_range=brief.plan.core_speeds, seed=FIRST_SEARCH_SEED + seed % SEARCH_SEEDS,
     )  # fmt: skip
     brief = replace(brief, plan=plan)

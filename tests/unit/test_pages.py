@@ -151,7 +151,7 @@ def test_background_of_a_page_is_ended(tmp_path: Path) -> None:
 REASONS = {
     "it needs the dump of your train", "it needs a terminal", "it needs root, and CAN in the kernel",
     "it sets up a tree of its own", "it asks a package index", "it is all tests",
-    "it would overwrite a golden file", "half an hour", "minutes",
+    "it would overwrite a golden file", "minutes",
 }  # fmt: skip
 
 
