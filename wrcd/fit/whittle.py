@@ -19,12 +19,12 @@ from wrcd.fit.stretches import CHANNELS, Blocks, BoolArray
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
-# One standard deviation of what is known before: of the sensors of the leading (1) and the trailing wheelset (2) by how
-# many s the accelerometer is early, the log of its gain, by how many rad the gyro's axis is askew; the log of the
-# speed's scale.
+# One standard deviation of what is known before. Of the sensors of the leading (1) and the trailing wheelset (2): by how
+# many s the accelerometer is read before the gyro, the log of its gain, by how many rad the gyro's axis is askew. By
+# how many s the trailing wheelset's clock is late against the leading one's; the log of the speed's scale.
 SENSOR_SIGMA: Mapping[str, float] = {
     "lead_1": 0.003, "lead_2": 0.003, "gain_1": 0.02, "gain_2": 0.02, "askew_1": 0.035, "askew_2": 0.035,
-    "speed_scale": 0.02,
+    "late": 0.005, "speed_scale": 0.02,
 }  # fmt: skip
 # Logs of factors on NOISE (of a gyro, rad/s, and an accelerometer, m/s2, rms a sample) and on INCOHERENCE
 NOISE_SIGMA: Mapping[str, float] = {
@@ -33,12 +33,13 @@ NOISE_SIGMA: Mapping[str, float] = {
 UNKNOWNS = (*PRIOR_SIGMA, *SENSOR_SIGMA, *NOISE_SIGMA)
 OF_VEHICLE = len(PRIOR_SIGMA)
 _OF_RESPONSE = OF_VEHICLE + len(SENSOR_SIGMA)
-_SPEED_SCALE, _INCOHERENCE = UNKNOWNS.index("speed_scale"), UNKNOWNS.index("incoherence")
+_LATE, _SPEED_SCALE, _INCOHERENCE = (UNKNOWNS.index(name) for name in ("late", "speed_scale", "incoherence"))
 _NOISES = slice(_OF_RESPONSE, _INCOHERENCE)
 NOISE, INCOHERENCE = np.array([3e-4, 0.01, 3e-4, 0.01]), 0.03
 # Logs: of the creep force's secant about a rail between damp and dry, of the slope over it, of a bin's power about a
-# curve of second order over the log of the wave number
-SECANT_SIGMA, SLOPE_SIGMA, POWER_SIGMA = 0.7, 0.25, 2.0
+# curve of second order over the log of the wave number. The secant's is wide: all blocks together would tell the scale
+# of all stiffnesses and masses by what is a guess.
+SECANT_SIGMA, SLOPE_SIGMA, POWER_SIGMA = 3.0, 0.25, 2.0
 USUAL_SLOPE = 0.7  # k_A + k_S of that rail
 SLOPES, POWERS = 2, 2  # unknowns of a block, and of a bin
 MAX_STEPS, ENOUGH = 60, 0.02  # the valley along all masses is flat: 20 are too few
@@ -84,14 +85,19 @@ class Scores:
 
 
 class BogieFit:
-    """The fit of one vehicle. nominal: constants that factors are on; sigma: other priors than the usual ones."""
+    """The fit of one vehicle. nominal: constants that factors are on; sigma: other priors than the usual ones; start:
+    unknowns that do not begin at 0."""
 
-    def __init__(self, blocks: Blocks, nominal: BogieConstants, sigma: Mapping[str, float] | None = None) -> None:
+    def __init__(
+        self, blocks: Blocks, nominal: BogieConstants, sigma: Mapping[str, float] | None = None,
+        start: Mapping[str, float] | None = None,
+    ) -> None:  # fmt: skip
         self.blocks, self.nominal = blocks, nominal
         known = {**PRIOR_SIGMA, **SENSOR_SIGMA, **NOISE_SIGMA, **(sigma or {})}
         self.sigma = np.array([known[name] for name in UNKNOWNS])
         self._secant = np.log(nominal.slope_N * USUAL_SLOPE)
-        self._begin(np.zeros(len(UNKNOWNS)), np.zeros((len(blocks), SLOPES)))
+        first = np.array([(start or {}).get(name, 0.0) for name in UNKNOWNS])
+        self._begin(first, np.zeros((len(blocks), SLOPES)))
 
     def _begin(self, unknowns: FloatArray, slopes: FloatArray) -> None:
         H = self._seen(unknowns, slopes)
@@ -116,12 +122,13 @@ class BogieFit:
 
     def _sensed(self, bogie: ComplexArray, unknowns: FloatArray) -> ComplexArray:
         """H: the bogie's signals as the sensors give them."""
-        lead, gain, askew = unknowns[OF_VEHICLE:_SPEED_SCALE].reshape(3, 2)
+        lead, gain, askew = unknowns[OF_VEHICLE:_LATE].reshape(3, 2)
         turn = 2j * np.pi * self.blocks.frequency_hz[:, None]
         H = np.empty((*bogie.shape[:2], CHANNELS, POWERS), np.complex128)
         for k in range(2):
             H[:, :, 2 * k] = bogie[:, :, k, 0] + askew[k] * bogie[:, :, k, 2]
             H[:, :, 2 * k + 1] = bogie[:, :, k, 1] * np.exp(gain[k] - turn * lead[k])
+        H[:, :, 2:] *= np.exp(-turn * unknowns[_LATE])[:, :, None]
         return H
 
     def _seen(self, unknowns: FloatArray, slopes: FloatArray) -> ComplexArray:

@@ -19,10 +19,8 @@ WORDS = {
     "r_0": "wheel radius",
 }  # fmt: skip
 # From so much on something is said of a sensor, if it is beyond doubt
-LEAD_S, ASKEW_RAD, GAIN, SPEED, NOISE_TIMES = 0.002, 0.009, 0.03, 0.01, 3.0
-# A speed is off by up to 3 % on worn wheels. Clocks of the two axles that are 10 ms apart look like 4 %, and put
-# stiffness and damper off by a quarter.
-ODD_SPEED = 0.035
+LEAD_S, ASKEW_RAD, GAIN, LATE_S, SPEED, NOISE_TIMES = 0.002, 0.009, 0.03, 0.002, 0.01, 3.0
+ODD_SPEED = 0.035  # a speed is off by up to 3 % on worn wheels
 ADVICE = {
     LeftOut.CURVE: "record straight lines", LeftOut.UNSTEADY: "record steady running",
     LeftOut.SLOW: "record faster running", LeftOut.PULSE: "record welded, smoother track",
@@ -102,11 +100,10 @@ def sensors(c: Calibration) -> list[str]:
             if x[f"{sensor}_noise_{k}"] > math.log(NOISE_TIMES):
                 times = math.exp(x[f"{sensor}_noise_{k}"])
                 lines += [f"{which} axle: the {what} is {times:.0f} times as noisy as usual; constants may be off"]
+    if sure("late", LATE_S):
+        lines += [f"the trailing axle's clock is {1e3 * x['late']:+.1f} ms late against the leading one's"]
     if sure("speed_scale", SPEED):
         lines += [f"the speed reads {100 * math.expm1(-x['speed_scale']):+.1f} %"]
     if abs(x["speed_scale"]) > ODD_SPEED:
-        lines += [
-            "so wrong a speed is rare: a wrong wheelbase, or clocks of the axles that are apart, look the same, and "
-            "put the constants off by a quarter"
-        ]
+        lines += ["so wrong a speed is rare: a wrong wheelbase looks the same, and puts the constants off"]
     return lines

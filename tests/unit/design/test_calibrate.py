@@ -153,10 +153,23 @@ def test_wrong_sensors_are_found(signals: BogieSignals, known: KnownVehicle) -> 
     assert any(re.match(r"the speed reads -\d\.\d %", line) for line in said)
 
 
-def test_signals_of_two_bogies_are_refused_as_incoherent(signals: BogieSignals, known: KnownVehicle) -> None:
+def test_clocks_of_the_axles_that_are_apart_are_found_and_do_no_harm(
+    signals: BogieSignals, known: KnownVehicle
+) -> None:
     z = signals.z.copy()
-    z[:, 2:] = np.roll(z[:, 2:], 800, axis=0)
+    z[2:, 2:] = z[:-2, 2:]
     found = calibrate([replace(signals, z=z)], known)
+    late = next(line for line in sensors(found) if "clock" in line)
+    assert float(re.findall(r"[+-]\d+\.\d", late)[0]) == pytest.approx(10.0, abs=2.0)
+    low, high = found.intervals["gamma"]
+    assert low < another_unit().gamma < high
+
+
+def test_signals_of_two_bogies_are_refused_as_incoherent(signals: BogieSignals, known: KnownVehicle) -> None:
+    n = round(125.0 / signals.tick_s)
+    z = signals.z[:n].copy()
+    z[:, 2:] = np.roll(z[:, 2:], 800, axis=0)
+    found = calibrate([BogieSignals(signals.tick_s, z, signals.speed_m_s[:n], signals.ticked[:n])], known)
     assert "incoherent by" in found.refused
 
 
