@@ -19,9 +19,9 @@ from wrcd.fit.stretches import CHANNELS, Blocks, BoolArray
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
-# One standard deviation of what is known before. Of the sensors of the leading (1) and the trailing wheelset (2): by how
-# many s the accelerometer is read before the gyro, the log of its gain, by how many rad the gyro's axis is askew. By
-# how many s the trailing wheelset's clock is late against the leading one's; the log of the speed's scale.
+# One standard deviation of what is known before. Of the sensors of the leading (1) and the trailing wheelset (2): by
+# how many s the accelerometer is read before the gyro, the log of its gain, by how many rad the gyro's axis is askew.
+# By how many s the trailing wheelset's clock is late against the leading one's; the log of the speed's scale.
 SENSOR_SIGMA: Mapping[str, float] = {
     "lead_1": 0.003, "lead_2": 0.003, "gain_1": 0.02, "gain_2": 0.02, "askew_1": 0.035, "askew_2": 0.035,
     "late": 0.005, "speed_scale": 0.02,

@@ -15,8 +15,8 @@ EVERY_BINS = 2  # of the frequencies: a Hann window smears each over its neighbo
 MIN_BLOCKS, MIN_STRETCHES = 3, 20
 MAX_INCOHERENCE = 0.10  # good fits have 3 to 6.5 %; at 11 to 19 % constants were wrong by a factor of two
 # Clocks of both axles that are 10 ms apart have an optimum of their own, with a wrong conicity: where the signals are
-# more incoherent than this, the fit is begun again with such clocks.
-SUSPICIOUS, LATE_S = 0.055, (0.0, 0.01, -0.01)
+# more incoherent than this, the fit is begun again with such clocks; where they are by far, that is in vain.
+SUSPICIOUS, HOPELESS, LATE_S = 0.055, 0.2, (0.0, 0.01, -0.01)
 OF_SHAFT = ("k_s", "C_s")
 # Standard deviations by the curvature of the likelihood are too small: the model is linear, the train is not. Over 16
 # simulated vehicles, 20 minutes each, 97 % of the true constants lie in an interval whose standard deviation is so many
@@ -109,6 +109,6 @@ def _best(
     for late_s in LATE_S:
         fit = BogieFit(blocks, nominal, known.sigma, {"late": late_s})
         fits.append((fit, run_trimmed(fit, shown)))
-        if fit.incoherence < SUSPICIOUS:
+        if not SUSPICIOUS < fit.incoherence < HOPELESS:
             break
     return min(fits, key=lambda each: each[0].incoherence)

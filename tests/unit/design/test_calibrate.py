@@ -2,7 +2,7 @@
 refused with a reason."""
 
 import re
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +16,7 @@ from sim_ecu.design.calibrate.calibration_words import sensors, to_record
 from sim_ecu.design.calibrate.known_vehicle import KnownVehicle, read_known
 from sim_ecu.physics.contact import curve_between
 from sim_ecu.physics.rail import RailSection, rail_table
+from sim_ecu.physics.track import SPECTRA
 from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.play import play_to_log
 from sim_ecu.play.scenario import Course, load_scenario
@@ -90,6 +91,32 @@ def test_constants_lie_in_their_intervals_and_are_nearer_than_the_guess(found: C
     assert low < true < high
     assert high / low < 1.7
     assert abs(np.log(of(found.wheelset, name) / true)) < abs(np.log(guess / true))
+
+
+@pytest.mark.night
+@pytest.mark.parametrize(
+    ("seed", "track", "gamma", "suspension", "yaw_damper"),
+    [(1, "fra-6", 1.0, 1.0, 1.0), (2, "erri-low", 0.6, 1.8, 0.5), (3, "china-hs", 1.5, 0.6, 2.0),
+     (4, "erri-high", 1.2, 0.7, 6.0)],
+)  # fmt: skip
+def test_twenty_minutes_of_ordinary_running_tell_a_vehicle(
+    folder: Path, seed: int, track: str, gamma: float, suspension: float, yaw_damper: float
+) -> None:
+    w = load_vehicle("multiple-unit")
+    assert w.bogie is not None
+    changed = {
+        name: value * (yaw_damper if name.startswith("secondary_yaw_damping") else suspension)
+        for name, value in asdict(w.bogie).items()
+        if name.startswith(("primary", "secondary"))
+    }
+    w = replace(w, gamma=w.gamma * gamma, bogie=replace(w.bogie, **changed))
+    play_to_log(ordinary_running(w, seed, 20.0, SPECTRA[track]), folder / "ride.log", truth=False)
+    assert main(["calibrate", "ride.log", "--known", "known.toml", "-o", "mine.toml"]) == 0
+    intervals = read_intervals(read_toml(folder / "mine.toml"))
+    for name, most in NEEDED.items():
+        low, high = intervals[name]
+        assert low < of(w, name) < high, name
+        assert np.log(high / low) < 2 * 1.5 * most, name
 
 
 def test_load_and_wheelbase_stay_what_is_known(found: Calibration) -> None:
