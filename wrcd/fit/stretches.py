@@ -36,11 +36,11 @@ MAD = 0.6745  # median absolute deviation of a normal distribution
 class LeftOut(StrEnum):
     """Why a stretch is not used."""
 
-    GAP = "gap in the log"
+    GAP = "gap in the log, or no input is believed"
     INPUTS = "an input is missing or not believed"
     SLOW = f"slower than {MIN_SPEED_M_S:g} m/s, or backwards"
     UNSTEADY = "the speed is not steady"
-    CURVE = "curve"
+    CURVE = "curve, or as uneven as one"
     PULSE = "pulse: a joint, or a flange at the rail"
     ALONE = "no other stretch of its speed beside it"
     MISFIT = "far stronger than the others say"
@@ -185,12 +185,13 @@ def _not_calm(
     """Why it is none by its signals (n, CHANNELS). high (n, 2): magnitudes above PULSE_HZ. zero (2,): the gyros'."""
     if np.isnan(part).any() or filled.any(axis=1).mean() > MAX_FILLED:
         return LeftOut.INPUTS
+    usual = np.median(high, axis=0) / MAD
+    if (high.max(axis=0) > PULSE_SIGMA * usual).any():
+        return LeftOut.PULSE
     quarters = np.array_split(part[:, _YAW] - zero, 4)
     turning = np.array([q.mean(axis=0) for q in quarters]) / speed_m_s
-    if np.abs(turning.mean(axis=1)).max() > 2 * STRAIGHT_1_M or abs(turning.mean()) > STRAIGHT_1_M:
-        return LeftOut.CURVE
-    usual = np.median(high, axis=0) / MAD
-    return LeftOut.PULSE if (high.max(axis=0) > PULSE_SIGMA * usual).any() else None
+    curved = np.abs(turning.mean(axis=1)).max() > 2 * STRAIGHT_1_M or abs(turning.mean()) > STRAIGHT_1_M
+    return LeftOut.CURVE if curved else None
 
 
 def _without_holes(z: FloatArray) -> tuple[FloatArray, BoolArray]:

@@ -26,7 +26,7 @@ CSS = """
 body { margin: 0 auto; max-width: 1200px; padding: 0 24px; font: 15px/1.5 system-ui, sans-serif; color: #1d2530 }
 table { border-collapse: collapse }
 td, th { padding: 2px 14px 2px 0; text-align: left; border-bottom: 1px solid #d5dbe3 }
-td.n { text-align: right; font-variant-numeric: tabular-nums }
+td.n { text-align: right; white-space: nowrap; font-variant-numeric: tabular-nums }
 .bad { color: #a8321a; font-weight: 600 }
 svg { max-width: 100%; height: auto }
 """
@@ -64,7 +64,7 @@ def _constants(c: Calibration) -> list[str]:
     rows = [
         f'<tr><td>{WORDS[name]}</td><td><code>{name}</code></td><td class="n">{value:.4g}</td>'
         f'<td class="n">{low:.4g} to {high:.4g}</td><td>{html.escape(KEYS[name].unit)}</td>'
-        f"<td{' class=bad' * remark.startswith(('not', 'cannot'))}>{html.escape(remark)}</td></tr>"
+        f"<td{' class=bad' * remark.startswith('not')}>{html.escape(remark)}</td></tr>"
         for name, value, low, high, remark in constants(c)
     ]
     head = "<tr><th>constant</th><th>key</th><th>value</th><th>90 % interval</th><th>unit</th><th></th></tr>"

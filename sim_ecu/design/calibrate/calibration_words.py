@@ -22,7 +22,7 @@ WORDS = {
 LEAD_S, ASKEW_RAD, GAIN, LATE_S, SPEED, NOISE_TIMES = 0.002, 0.009, 0.03, 0.002, 0.01, 3.0
 ODD_SPEED = 0.035  # a speed is off by up to 3 % on worn wheels
 ADVICE = {
-    LeftOut.CURVE: "record straight lines", LeftOut.UNSTEADY: "record steady running",
+    LeftOut.CURVE: "record straight, smoother lines", LeftOut.UNSTEADY: "record steady running",
     LeftOut.SLOW: "record faster running", LeftOut.PULSE: "record welded, smoother track",
     LeftOut.INPUTS: "`wrcd check --log` says why inputs are missing", LeftOut.GAP: "record without gaps",
     LeftOut.ALONE: "hold a speed for longer", LeftOut.MISFIT: "record smoother track",
@@ -47,8 +47,7 @@ def constants(c: Calibration) -> Iterator[tuple[str, float, float, float, str]]:
 
 def _remark(c: Calibration, name: str) -> str:
     if name in c.lacking:
-        most = 100 * math.expm1(NEEDED[name])
-        return f"not known well enough: within {most:.0f} % is needed"
+        return f"not known well enough: within {100 * NEEDED[name]:.0f} % is needed"
     if name in NEEDED:
         return "known well enough"
     return "cannot be told from this" if c.half_width(name) > LITTLE_KNOWN else ""
@@ -69,8 +68,8 @@ def to_record(c: Calibration) -> list[str]:
         times = max(c.lacking.values()) ** 2
         minutes = times * c.stretches * (1 - OVERLAP) * STRETCH_S / 60
         lines += [
-            f"for {', '.join(WORDS[n] for n in c.lacking)} record some {minutes:.0f} minutes of calm stretches, at "
-            "several speeds"
+            f"for {', '.join(WORDS[n] for n in c.lacking)} record until there are some {minutes:.0f} minutes of calm "
+            "stretches, at several speeds"
         ]
     most = c.left_out.most_common(1)
     if (c.refused or c.lacking) and most and most[0][1] > c.stretches:

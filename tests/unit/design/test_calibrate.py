@@ -216,7 +216,9 @@ def test_what_is_not_known_well_enough_is_said_with_what_to_record(found: Calibr
     few.fit.scores.fisher[:] /= 100  # as of a hundredth of the stretches
     try:
         assert set(few.lacking) == set(NEEDED)
-        assert re.search(r"for conicity, .* record some \d+ minutes of calm stretches", "\n".join(to_record(few)))
+        assert re.search(
+            r"for conicity, .* record until there are some \d+ minutes of calm stretches", "\n".join(to_record(few))
+        )
     finally:
         few.fit.scores.fisher[:] *= 100
 
