@@ -7,7 +7,7 @@ wheelbase later, so that both have met the same track.
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -81,6 +81,7 @@ class Blocks:
     speed_m_s: FloatArray
     stretches: FloatArray
     frequency_hz: FloatArray
+    tick_s: float = 0.005
 
     def __len__(self) -> int:
         return len(self.speed_m_s)
@@ -92,11 +93,11 @@ class Blocks:
 
     def some(self, which: BoolArray) -> "Blocks":
         """Return those that are True in (B,)."""
-        return Blocks(self.cross[which], self.speed_m_s[which], self.stretches[which], self.frequency_hz)
+        return replace(self, cross=self.cross[which], speed_m_s=self.speed_m_s[which], stretches=self.stretches[which])
 
     def every(self, bins: int) -> "Blocks":
         """Return them with every so many-th frequency: neighbours share what the window smears."""
-        return Blocks(self.cross[:, ::bins], self.speed_m_s, self.stretches, self.frequency_hz[::bins])
+        return replace(self, cross=self.cross[:, ::bins], frequency_hz=self.frequency_hz[::bins])
 
 
 def blocks_of(runs: Sequence[BogieSignals], wheelbase_m: float) -> tuple[Blocks, Counter[LeftOut]]:
@@ -261,4 +262,5 @@ def _averaged(blocks: Sequence[Sequence[CalmStretch]], tick_s: float) -> Blocks:
         np.array([np.mean([s.speed_m_s for s in block]) for block in blocks]),
         np.array([float(len(block)) for block in blocks]),
         f[used],
+        tick_s,
     )

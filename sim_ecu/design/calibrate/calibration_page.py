@@ -13,7 +13,7 @@ from matplotlib.ticker import NullFormatter
 
 from sim_ecu.design.calibrate.calibration import Calibration
 from sim_ecu.design.calibrate.calibration_words import KEYS, WORDS, constants, sensors, to_record, used
-from wrcd.fit.stretches import ComplexArray, FloatArray
+from wrcd.fit.stretches import Blocks, ComplexArray
 from wrcd.fit.whittle import BogieFit
 from wrcd.report.picture import STYLE
 
@@ -81,7 +81,7 @@ def _drawn(fit: BogieFit) -> str:
         for column, part in zip(axes.T, groups, strict=True):
             v = fit.blocks.speed_m_s[part]
             column[0].set_title(f"{v.min():.1f} to {v.max():.1f} m/s, {fit.blocks.stretches[part].sum():.0f} stretches")
-            _column(column, fit.blocks.frequency_hz, *(_mean(s, fit, part) for s in (fit.blocks.cross, fit.expected)))
+            _column(column, fit.blocks, *(_mean(s, fit, part) for s in (fit.blocks.cross, fit.expected)))
             column[-1].set_xlabel("Hz")
             column[-1].set_xticks(TICKS_HZ, [f"{hz:g}" for hz in TICKS_HZ])
             column[-1].xaxis.set_minor_formatter(NullFormatter())
@@ -102,13 +102,13 @@ def _mean(spectra: ComplexArray, fit: BogieFit, part: np.ndarray[tuple[int], np.
     return np.asarray(np.average(scaled, axis=0, weights=fit.blocks.stretches[part]))
 
 
-def _column(axes: Sequence[Axes], f: FloatArray, measured: ComplexArray, fitted: ComplexArray) -> None:
-    tick_s = 0.005
+def _column(axes: Sequence[Axes], blocks: Blocks, measured: ComplexArray, fitted: ComplexArray) -> None:
+    f = blocks.frequency_hz
     for k, (name, colour) in enumerate(zip(("leading", "trailing"), COLOURS, strict=True)):
         for quantity in range(2):
             channel = 2 * k + quantity
             for S, style in ((measured, "."), (fitted, "-")):
-                density = np.sqrt(2 * tick_s * S[:, channel, channel].real)
+                density = np.sqrt(2 * blocks.tick_s * S[:, channel, channel].real)
                 label = name if style == "-" else None
                 axes[quantity].loglog(f, density, style, color=colour, markersize=4, linewidth=1.4, label=label)
     for (i, j, name), colour in zip(PAIRS, COLOURS, strict=True):

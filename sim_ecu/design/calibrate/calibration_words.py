@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 
-from sim_ecu.design.calibrate.calibration import LITTLE_KNOWN, NEEDED, Calibration
+from sim_ecu.design.calibrate.calibration import LITTLE_KNOWN, NEEDED, SUSPICIOUS, Calibration
 from sim_ecu.play.scenario_keys import PARAMETERS, VEHICLE_PARAMETERS
 from wrcd.fit.stretches import OVERLAP, STRETCH_S, LeftOut
 from wrcd.fit.whittle import UNKNOWNS
@@ -71,6 +71,8 @@ def to_record(c: Calibration) -> list[str]:
             f"for {', '.join(WORDS[n] for n in c.lacking)} record until there are some {minutes:.0f} minutes of calm "
             "stretches, at several speeds"
         ]
+        if c.fit is not None and c.fit.incoherence > SUSPICIOUS:
+            lines += ["the signals are more incoherent than usual: smoother track would tell more"]
     most = c.left_out.most_common(1)
     if (c.refused or c.lacking) and most and most[0][1] > c.stretches:
         lines += [f"most was left out for: {most[0][0].value}; {ADVICE[most[0][0]]}"]
@@ -80,11 +82,11 @@ def to_record(c: Calibration) -> list[str]:
 def sensors(c: Calibration) -> list[str]:
     """What is wrong with them, beyond doubt."""
     assert c.fit is not None
-    x, lines = c.fit.logs, []
+    fit, x, lines = c.fit, c.fit.logs, []
 
     def sure(name: str, least: float) -> bool:
         k = UNKNOWNS.index(name)
-        return abs(x[name]) > least + 2 * math.sqrt(c.fit.covariance[k, k]) if c.fit is not None else False
+        return abs(x[name]) > least + 2 * math.sqrt(fit.covariance[k, k])
 
     for k, which in ((1, "leading"), (2, "trailing")):
         if sure(f"lead_{k}", LEAD_S):

@@ -14,7 +14,7 @@ from sim_ecu.play.suspension import conversions
 from sim_ecu.reporting.result_files import check_output, save
 from wrcd.config.config import load_config
 from wrcd.config.settings import read_toml, read_whole
-from wrcd.errors import InputError, Status
+from wrcd.errors import InputError, Status, need
 from wrcd.progress import Progress
 
 
@@ -27,6 +27,8 @@ def run(
     check_output("--html", page)
     if output in (*logs, known_file):
         raise InputError("would be overwritten", file=output, key="-o", hint="name another file")
+    if page is not None:
+        need(("matplotlib",), "report", "--html")
     known = read_whole(known_file, lambda top, _: read_known(top))
     for line in conversions(read_toml(known_file)):
         print(line)
