@@ -20,6 +20,8 @@ WORDS = {
 }  # fmt: skip
 # From so much on something is said of a sensor, if it is beyond doubt
 LEAD_S, ASKEW_RAD, GAIN, LATE_S, SPEED, NOISE_TIMES = 0.002, 0.009, 0.03, 0.002, 0.01, 3.0
+# of calm stretches, to be recorded; then the track, or the bogie, tells too little
+MAX_MINUTES, NEVER = 120.0, "no length of such running is enough: record other track"
 ODD_SPEED = 0.035  # a speed is off by up to 3 % on worn wheels
 ADVICE = {
     LeftOut.CURVE: "record straight, smoother lines", LeftOut.UNSTEADY: "record steady running",
@@ -46,11 +48,11 @@ def constants(c: Calibration) -> Iterator[tuple[str, float, float, float, str]]:
 
 
 def _remark(c: Calibration, name: str) -> str:
+    if c.half_width(name) > LITTLE_KNOWN:
+        return "cannot be told from this" + f": within {100 * NEEDED.get(name, 0):.0f} % is needed" * (name in NEEDED)
     if name in c.lacking:
         return f"not known well enough: within {100 * NEEDED[name]:.0f} % is needed"
-    if name in NEEDED:
-        return "known well enough"
-    return "cannot be told from this" if c.half_width(name) > LITTLE_KNOWN else ""
+    return "known well enough" if name in NEEDED else ""
 
 
 def constant_lines(c: Calibration) -> list[str]:
@@ -65,12 +67,10 @@ def to_record(c: Calibration) -> list[str]:
     """What would make known well enough what is not."""
     lines = []
     if c.lacking:
-        times = max(c.lacking.values()) ** 2
-        minutes = times * c.stretches * (1 - OVERLAP) * STRETCH_S / 60
-        lines += [
-            f"for {', '.join(WORDS[n] for n in c.lacking)} record until there are some {minutes:.0f} minutes of calm "
-            "stretches, at several speeds"
-        ]
+        names = ", ".join(WORDS[n] for n in c.lacking)
+        minutes = max(c.lacking.values()) ** 2 * c.stretches * (1 - OVERLAP) * STRETCH_S / 60
+        until = f"record until there are some {minutes:.0f} minutes of calm stretches, at several speeds"
+        lines += [f"for {names} {until if minutes < MAX_MINUTES else NEVER}"]
         if c.fit is not None and c.fit.incoherence > SUSPICIOUS:
             lines += ["the signals are more incoherent than usual: smoother track would tell more"]
     most = c.left_out.most_common(1)
