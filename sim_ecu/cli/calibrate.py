@@ -13,7 +13,7 @@ def _add(p: argparse.ArgumentParser) -> None:
     add_config(p)
     p.add_argument(
         "--known", type=Path, required=True, metavar="KNOWN.toml",
-        help="a vehicle's file with what is known: wheelbase, wheel radius, load; anything else helps",
+        help="a vehicle's file with what is known: wheelbase, wheel radius, load; masses help most",
     )  # fmt: skip
     p.add_argument("-o", "--output", type=Path, required=True, metavar="MINE.toml", help="the vehicle's file to write")
     p.add_argument(

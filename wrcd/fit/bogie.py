@@ -1,8 +1,8 @@
 """A bogie as transfer functions: what the track's alignment and cross-level make of both wheelsets' signals.
 
 The rig's equations (docs/explanation/vehicle.md), linear about rolling straight on with some torque. Of the creep force
-of one wheel that leaves a slope g11 along the track and a secant g22 across it, alike for both wheelsets. No signal
-tells the common scale of masses, springs and creep forces: the load, which is known, anchors it.
+of one wheel that leaves a slope g11 along the track and a secant g22 across it, alike for both wheelsets. Signals
+tell the common scale of masses, springs and creep forces by next to nothing: what is known of the masses anchors it.
 """
 
 from collections.abc import Mapping
