@@ -16,7 +16,7 @@ from sim_ecu.physics.contact import CURVES, CreepCurve
 from sim_ecu.physics.sensors import SENSOR_SETS, SensorSet
 from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.scenario_keys import TITLE
-from sim_ecu.play.vehicles import DEFAULT_VEHICLE, read_vehicle, vehicle_path
+from sim_ecu.play.vehicles import DEFAULT_VEHICLE, read_origin, read_vehicle, vehicle_path
 from wrcd.config.describe import made_for
 from wrcd.config.keys import Choice, Number, Whole
 from wrcd.config.settings import Section, read_toml
@@ -180,6 +180,7 @@ def read_brief(top: Section, form: str | None = None, base: Brief | None = None)
     brief = replace(
         base,
         wheelset=wheelset,
+        origin=read_origin(top),
         **numbers,
         **_given(Whole, d, WHOLES, base),
         polynomial=Choice("polynomial", "", ("paper",) if base.form == "paper" else POLYNOMIALS, base.polynomial).value(
@@ -200,11 +201,6 @@ def read_brief(top: Section, form: str | None = None, base: Brief | None = None)
         raise d.error(f"must be window_s = {brief.window_s:g}: windows do not grow in the paper's form", "longest_s")
     if 2 * brief.recent_s > brief.window_s:
         raise d.error(f"must not be more than half of window_s = {brief.window_s:g}, is {brief.recent_s:g}", "recent_s")
-    origin = top.raw("origin")
-    if origin is not None:
-        if not isinstance(origin, dict) or not isinstance(origin.get("logs", []), list):
-            raise top.error("must be a table whose logs are a list", "origin", "`sim-ecu calibrate` writes it")
-        brief = replace(brief, origin=json.loads(json.dumps(origin, default=str)))
     TITLE.read(top)  # a packaged vehicle has one
     for section in (d, p, top):
         section.done()

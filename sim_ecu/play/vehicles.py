@@ -56,7 +56,7 @@ def read_vehicle(top: Section) -> Wheelset:
     """The vehicle of a file, from `vehicle`, [vehicle], [suspension] and [wheelset]; [interval] and [origin] are
     checked. Raises InputError."""
     read_intervals(top)
-    _check_origin(top.section("origin"))
+    read_origin(top)
     given = top.raw("vehicle")
     if isinstance(given, str) or given is None:
         base = _named(top, DEFAULT_VEHICLE if given is None else given)
@@ -90,10 +90,14 @@ def read_intervals(top: Section) -> dict[str, tuple[float, float]]:
     return found
 
 
-def _check_origin(section: Section) -> None:
-    for key in keys.ORIGIN:
-        section.raw(key.name) if isinstance(key, keys.Other) else key.read(section)
-    section.done()
+def read_origin(top: Section) -> dict[str, Any]:
+    """[origin]: date, logs and stretches that constants were found from; empty where there is none."""
+    s = top.section("origin")
+    found = {key.name: s.raw(key.name) if isinstance(key, keys.Other) else key.read(s) for key in keys.ORIGIN}
+    if not isinstance(found["logs"], list | None):
+        raise s.error("takes a list", "logs", "`sim-ecu calibrate` writes it")
+    s.done()
+    return {name: value for name, value in found.items() if value is not None}
 
 
 def _named(top: Section, name: str) -> Wheelset:
