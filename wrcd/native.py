@@ -51,7 +51,7 @@ _SIGNATURES: tuple[tuple[str, Any, *tuple[Any, ...]], ...] = (
     ("wrcd_receive", _int, _int, _pointer, _long, _int, _long, _pointer, _int, _pointer, _pointer),
     ("wrcd_send", _int, _int, _pointer, _long, _int),
     ("wrcd_read_lines", None, _text, _long, _pointer, _long, _long, _pointer, _pointer),
-    ("wrcd_write_lines", _long, _pointer, _long, _long, _text, _pointer),
+    ("wrcd_write_lines", _long, _pointer, _long, _long, _text, _long, _pointer),
 )
 
 

@@ -65,5 +65,5 @@ def format_lines(frames: Any, channel: str) -> str:
     """The same of classical data frames, an array of records that begin as wrcd_frame.h's, each with its line's end."""
     between = f") {channel} ".encode()
     text = create_string_buffer(len(frames) * (64 + len(between)))
-    size = library().wrcd_write_lines(frames.ctypes.data, frames.strides[0], len(frames), between, text)
+    size = library().wrcd_write_lines(frames.ctypes.data, frames.strides[0], len(frames), between, len(between), text)
     return text.raw[:size].decode()

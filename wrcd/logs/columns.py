@@ -120,8 +120,9 @@ def parse_lines(text: bytes) -> tuple[Stretch, NDArray[np.bool_], IntArray, IntA
 
     None where that is not worth it.
     """
-    ends = np.flatnonzero(np.frombuffer(text, dtype=np.uint8) == ord("\n"))
-    bracket, begin = text.find(b") ", _ENDS[0]), text.find(b" ", _ENDS[0]) + 1
+    ends = np.flatnonzero(np.frombuffer(text, dtype=np.uint8) == ord("\n")).astype(np.int64, copy=False)
+    bracket = text.find(b") ", _ENDS[0])
+    begin = bracket + 2  # of the channel
     head = text.find(b" ", begin) + 1  # where the id begins
     channel = text[begin : head - 1]
     if len(ends) < MIN_ROWS or bracket not in _ENDS or not 0 < head <= begin + 17 or channel.split() != [channel]:

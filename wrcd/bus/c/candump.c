@@ -10,8 +10,10 @@ static char *put(char *to, uint64_t number, int digits, unsigned base, const cha
     return (char *)memcpy(to + digits, after, strlen(after)) + strlen(after);
 }
 
-/* Classical data frames, records of `stride` bytes, each to 64 bytes at most and what is between. Returns the bytes. */
-int64_t wrcd_write_lines(const unsigned char *records, int64_t stride, int64_t frames, const char *between, char *text)
+/* Classical data frames, records of `stride` bytes, each to 64 bytes at most and what is between stamp and id, of `length`
+ * bytes. Returns the bytes. */
+int64_t wrcd_write_lines(const unsigned char *records, int64_t stride, int64_t frames, const char *between, int64_t length,
+                         char *text)
 {
     char *to = text;
 
@@ -22,7 +24,8 @@ int64_t wrcd_write_lines(const unsigned char *records, int64_t stride, int64_t f
         for (uint64_t left = us / 1000000; left >= 10000000000; left /= 10)
             digits++;
         to = put(put(to, 0, 0, 10, f->stamp_us < 0 ? "(-" : "("), us / 1000000, digits, 10, ".");
-        to = put(put(to, us % 1000000, 6, 10, between), f->word & 0x1FFFFFFF, f->word >> 31 ? 8 : 3, 16, "#");
+        to = (char *)memcpy(put(to, us % 1000000, 6, 10, ""), between, (size_t)length) + length;
+        to = put(to, f->word & 0x1FFFFFFF, f->word >> 31 ? 8 : 3, 16, "#");
         for (int i = 0; i < f->length; i++)
             to = put(to, f->data[i], 2, 16, "");
     }

@@ -83,6 +83,7 @@ static void degrees_of(const wrcd_design *d, int input, double x, double degree[
 void wrcd_rules_infer(const wrcd_design *d, const double inputs[WRCD_COLUMNS], rules_answer *answer)
 {
     enum { SAID = 2 * (WRCD_COLUMNS + 1), AT_ONCE = SAID / 4 /* sums that a processor's registers hold */ };
+    _Static_assert(SAID % AT_ONCE == 0, "four sums of one length");
     double degree[WRCD_INPUTS][WRCD_MAX_SETS], weight[WRCD_MAX_RULES], said[SAID], firing = 0.0, most = -1.0;
     int heaviest = 0, fired[WRCD_MAX_RULES], count = 0;
 
