@@ -160,15 +160,15 @@ VEHICLE_PARAMETERS = tuple(
 )
 
 SUSPENSION = (
-    Measure("axle_box_longitudinal_N_m", "stiffness of one axle box along the track", 0.0, 1e12, unit="N/m"),
-    Measure("axle_box_lateral_N_m", "across it", 0.0, 1e12, unit="N/m"),
+    Measure("axle_box_longitudinal_N_m", "stiffness of one axle box along the track", 1.0, 1e12, unit="N/m"),
+    Measure("axle_box_lateral_N_m", "across it", 1.0, 1e12, unit="N/m"),
     Measure("axle_box_longitudinal_damping_N_s_m", "its damping along the track", 0.0, 1e12, unit="N s/m"),
     Measure("axle_box_lateral_damping_N_s_m", "across it", 0.0, 1e12, unit="N s/m"),
-    Measure("bush_longitudinal_N_m", "of an axle box's bush beside its spring, along the track", 0.0, 1e12, unit="N/m"),
-    Measure("bush_lateral_N_m", "across it", 0.0, 1e12, unit="N/m"),
+    Measure("bush_longitudinal_N_m", "of an axle box's bush beside its spring, along the track", 1.0, 1e12, unit="N/m"),
+    Measure("bush_lateral_N_m", "across it", 1.0, 1e12, unit="N/m"),
     Measure("axle_box_spacing_m", "from the left axle box to the right one", 0.1, 5.0, unit="m"),
-    Measure("secondary_spring_longitudinal_N_m", "stiffness of one of two along the track", 0.0, 1e12, unit="N/m"),
-    Measure("secondary_spring_lateral_N_m", "across it", 0.0, 1e12, unit="N/m"),
+    Measure("secondary_spring_longitudinal_N_m", "stiffness of one of two along the track", 1.0, 1e12, unit="N/m"),
+    Measure("secondary_spring_lateral_N_m", "across it", 1.0, 1e12, unit="N/m"),
     Measure("secondary_spring_spacing_m", "from the left spring to the right one", 0.1, 5.0, unit="m"),
     Measure("lateral_damper_N_s_m", "rate of one of the bogie's", 0.0, 1e12, unit="N s/m"),
     Measure("lateral_dampers", "how many the bogie has", 1.0, 8.0, 2.0),

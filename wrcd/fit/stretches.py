@@ -129,12 +129,13 @@ def _frequencies(tick_s: float) -> tuple[FloatArray, BoolArray]:
 def _judged(run: BogieSignals, wheelbase_m: float) -> Iterator[CalmStretch | LeftOut]:
     """Every stretch of a run, overlapping by half, or why it is none."""
     n = _ticks(run.tick_s)
-    known = ~np.isnan(run.z).any(axis=1)
-    if not known.any():
-        yield from [LeftOut.INPUTS] * (len(run.z) // n)
+    if len(run.z) < n:
         return
     z, filled = _without_holes(run.z)
     met = _meeting_one_track(z, run, wheelbase_m)
+    if np.isnan(met).all(axis=0).any():
+        yield from [LeftOut.INPUTS] * (len(run.z) // n)
+        return
     high = np.abs(_highpassed(met[:, _LATERAL], run.tick_s))
     zero = np.nanmedian(run.z[:, _YAW], axis=0)
     _, used = _frequencies(run.tick_s)

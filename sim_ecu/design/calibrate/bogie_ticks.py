@@ -17,7 +17,7 @@ from wrcd.fit.stretches import BogieSignals
 from wrcd.logs.feed import made_of_log
 from wrcd.logs.reader import LogReader
 
-CHUNK_BYTES = 1 << 20
+MAX_GAP_S = 5.0
 SIGNAL_WORDS = ("yaw rate", "lateral acceleration")
 
 
@@ -35,8 +35,26 @@ def places_of(config: Config, axles: Sequence[int]) -> tuple[int, int]:
     return numbers.index(chosen[0]), numbers.index(chosen[1])
 
 
-def bogie_ticks(log: Path, config: Config, places: tuple[int, int], channel: str | None = None) -> BogieSignals:
-    """Read a log. What the core does not believe is missing. Raises InputError where a signal is never there."""
+def runs_of(
+    logs: Sequence[Path], config: Config, places: tuple[int, int], channel: str | None = None
+) -> list[BogieSignals]:
+    """Read logs. One that gives nothing is left out with a warning. Raises InputError where that is so of all."""
+    runs, wrong = list[BogieSignals](), list[InputError]()
+    for log in logs:
+        try:
+            runs += bogie_runs(log, config, places, channel)
+        except InputError as error:
+            wrong.append(error)
+    if not runs:
+        raise wrong[0]
+    for e in wrong:
+        print(f"sim-ecu: warning: left out: {e}", file=sys.stderr)
+    return runs
+
+
+def bogie_runs(log: Path, config: Config, places: tuple[int, int], channel: str | None = None) -> list[BogieSignals]:
+    """Read a log, cut where nothing comes for MAX_GAP_S. What the core does not believe is missing. Raises InputError
+    where a signal is never there."""
     parts: list[NDArray[Any]] = []
     core = Core(config, ticks=parts.append)
     core.muted = True
@@ -48,9 +66,12 @@ def bogie_ticks(log: Path, config: Config, places: tuple[int, int], channel: str
     if not parts:
         hint = "`wrcd check --log` says what a log gives a configuration"
         raise InputError("gives the configuration no tick", file=log, hint=hint)
-    signals = _laid_out(np.concatenate(parts), config.design.tick_s, places)
-    _check(signals, log, config, places)
-    return signals
+    ticks, tick_s = np.concatenate(parts), config.design.tick_s
+    step = np.diff(ticks["number"].astype(np.int64))
+    cuts = np.flatnonzero((step <= 0) | (step > round(MAX_GAP_S / tick_s))) + 1
+    runs = [_laid_out(part, tick_s, places) for part in np.split(ticks, cuts)]
+    _check(runs, log, config, places)
+    return runs
 
 
 def _laid_out(ticks: NDArray[Any], tick_s: float, places: tuple[int, int]) -> BogieSignals:
@@ -65,20 +86,20 @@ def _laid_out(ticks: NDArray[Any], tick_s: float, places: tuple[int, int]) -> Bo
     return BogieSignals(tick_s, z, speed, ticked)
 
 
-def _check(signals: BogieSignals, log: Path, config: Config, places: tuple[int, int]) -> None:
+def _check(runs: Sequence[BogieSignals], log: Path, config: Config, places: tuple[int, int]) -> None:
     hint = "`wrcd check --log` says what a log gives a configuration"
-    if not np.isfinite(signals.speed_m_s).any():
+    if not any(np.isfinite(run.speed_m_s).any() for run in runs):
         raise InputError("has no usable speed", file=log, hint=hint)
-    for k, column in enumerate(signals.z.T):
-        if np.isnan(column).all():
+    for k in range(2 * len(SIGNAL_WORDS)):
+        if all(np.isnan(run.z[:, k]).all() for run in runs):
             axle = config.axles[places[k // 2]].number
             raise InputError(f"has no usable {SIGNAL_WORDS[k % 2]} of axle {axle}", file=log, hint=hint)
 
 
 def digest(log: Path) -> str:
-    """SHA-256 of a log, in hexadecimal digits."""
-    found = hashlib.sha256()
-    with log.open("rb") as file:
-        while part := file.read(CHUNK_BYTES):
-            found.update(part)
-    return found.hexdigest()
+    """SHA-256 of a log, in hexadecimal digits. Raises InputError where it cannot be read."""
+    try:
+        with log.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", file=log, hint="check the path") from None

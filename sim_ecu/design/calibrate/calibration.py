@@ -22,7 +22,11 @@ OF_SHAFT = ("k_s", "C_s")
 # simulated vehicles, 20 minutes each, 97 % of the true constants lie in an interval whose standard deviation is so many
 # times as large, times the square of the incoherence over USUAL_INCOHERENCE, and no smaller than LEAST (log).
 TIMES, USUAL_INCOHERENCE, LEAST = 1.5, 0.04, 0.03
-LEAST_OF = {"secondary_yaw_N_m_rad": 0.45}  # it acts below the band: it is found half as large again up to twice
+BELOW_BAND = "secondary_yaw_N_m_rad"  # it acts below 1 Hz, and is found up to three times as large
+# What is known before within a little. Its distances, in standard deviations, squared and added: of six honest fits
+# 0.7 to 7.7; with a load of 1.3 times 29, of half 65.
+KNOWN_WITHIN, MAX_DISTANCE = ("m_w", "I_w", "frame_mass_kg", "frame_yaw_inertia_kg_m2", "r_0"), 16.0
+MAX_SPEED_SCALE, MAX_NOISE_TIMES = 0.15, 20.0
 LITTLE_KNOWN = math.log(1.5)  # half width (log) of a constant that is next to unknown
 # Half widths (log) of the 90 % interval above which a design minds; what is not among them matters next to nothing.
 NEEDED = {"gamma": 0.10, "primary_yaw_N_m_rad": 0.20, "secondary_yaw_damping_N_m_s_rad": 0.25}
@@ -48,8 +52,8 @@ class Calibration:
         assert self.fit is not None
         k = UNKNOWNS.index(name)
         times = TIMES * max(1.0, self.fit.incoherence / USUAL_INCOHERENCE) ** 2
-        sigma = min(times * math.sqrt(self.fit.covariance[k, k]), float(self.fit.sigma[k]))  # no more than before
-        return OF_90_PERCENT * math.hypot(sigma, LEAST_OF.get(name, LEAST))
+        sigma = math.hypot(times * math.sqrt(self.fit.covariance[k, k]), LEAST)
+        return OF_90_PERCENT * min(sigma, float(self.fit.sigma[k]))  # no more than before
 
     @property
     def wheelset(self) -> Wheelset:
@@ -64,15 +68,20 @@ class Calibration:
 
     @property
     def intervals(self) -> dict[str, tuple[float, float]]:
-        """By name, between what a constant lies with 90 %. A damper of which little is known may not be there."""
+        """By name, between what a constant lies with 90 %; of those that can be told."""
         assert self.fit is not None
         found, out = asdict(self.fit.constants), {}
-        for name in PRIOR_SIGMA:
-            half = self.half_width(name)
-            none = "damping" in name and half > LITTLE_KNOWN
+        for name in filter(self.is_told, PRIOR_SIGMA):
+            times = math.exp(self.half_width(name))
             for each in OF_SHAFT if name == SHAFT else (name,):
-                out[each] = 0.0 if none else found[each] / math.exp(half), found[each] * math.exp(half)
+                out[each] = found[each] / times, found[each] * times
         return out
+
+    def is_told(self, name: str) -> bool:
+        """Whether the logs, or what was known before, tell a constant."""
+        assert self.fit is not None
+        is_there = name == SHAFT or asdict(self.fit.constants)[name] > 0.0
+        return is_there and name != BELOW_BAND and self.half_width(name) <= LITTLE_KNOWN
 
     @property
     def lacking(self) -> dict[str, float]:
@@ -94,13 +103,27 @@ def calibrate(
         return Calibration(known, blocks, left_out, None, refused)
     fit, trimmed = _best(blocks.every(EVERY_BINS), nominal, known, shown)
     left_out[LeftOut.MISFIT] += trimmed
-    refused = ""
-    if fit.incoherence > MAX_INCOHERENCE:
-        refused = (
+    c = Calibration(known, blocks, left_out, fit, _refusal(fit))
+    if not c.refused and not any(map(c.is_told, NEEDED)):
+        return replace(c, refused="neither conicity nor yaw stiffness nor yaw damper can be told from this")
+    return c
+
+
+def _refusal(fit: BogieFit) -> str:
+    """Why a fit is not to be believed, or ""."""
+    if not fit.incoherence <= MAX_INCOHERENCE:
+        return (
             f"the signals are incoherent by {100 * fit.incoherence:.0f} %, {100 * MAX_INCOHERENCE:.0f} % at most: "
-            "this bogie on a track does not make them"
+            "this bogie on a track does not make them; look at order, signs and units of the axles, and the wheelbase"
         )
-    return Calibration(known, blocks, left_out, fit, refused)
+    x, sigma = fit.logs, dict(zip(UNKNOWNS, fit.sigma.tolist(), strict=True))
+    distance = sum((x[name] / sigma[name]) ** 2 for name in KNOWN_WITHIN)
+    if not (distance <= MAX_DISTANCE and abs(x["speed_scale"]) <= MAX_SPEED_SCALE):
+        far = max(KNOWN_WITHIN, key=lambda name: abs(x[name] / sigma[name])) if distance > MAX_DISTANCE else "the speed"
+        return f"{far} would be far from what is usual: look at load, wheel radius, wheelbase and the sensors' units"
+    if noisy := [n for n in UNKNOWNS if "noise" in n and not x[n] <= math.log(MAX_NOISE_TIMES)]:
+        return f"{', '.join(noisy)} would be more than {MAX_NOISE_TIMES:g} times the usual: a sensor is dead or shaken"
+    return ""
 
 
 def _best(

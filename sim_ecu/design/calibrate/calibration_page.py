@@ -63,9 +63,9 @@ def _explained(fit: BogieFit) -> str:
 def _constants(c: Calibration) -> list[str]:
     rows = [
         f'<tr><td>{WORDS[name]}</td><td><code>{name}</code></td><td class="n">{value:.4g}</td>'
-        f'<td class="n">{low:.4g} to {high:.4g}</td><td>{html.escape(KEYS[name].unit)}</td>'
+        f'<td class="n">{ends}</td><td>{html.escape(KEYS[name].unit)}</td>'
         f"<td{' class=bad' * ('needed' in remark)}>{html.escape(remark)}</td></tr>"
-        for name, value, low, high, remark in constants(c)
+        for name, value, ends, remark in constants(c)
     ]
     head = "<tr><th>constant</th><th>key</th><th>value</th><th>90 % interval</th><th>unit</th><th></th></tr>"
     return ["<h2>Constants</h2>", f"<table>{head}", *rows, "</table>"]

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 
-from sim_ecu.design.calibrate.calibration import LITTLE_KNOWN, NEEDED, SUSPICIOUS, Calibration
+from sim_ecu.design.calibrate.calibration import NEEDED, SUSPICIOUS, Calibration
 from sim_ecu.play.scenario_keys import PARAMETERS, VEHICLE_PARAMETERS
 from wrcd.fit.stretches import OVERLAP, STRETCH_S, LeftOut
 from wrcd.fit.whittle import UNKNOWNS
@@ -39,16 +39,16 @@ def used(c: Calibration) -> list[str]:
     return lines + [f"  {n:4} left out: {reason.value}" for reason, n in c.left_out.most_common() if n]
 
 
-def constants(c: Calibration) -> Iterator[tuple[str, float, float, float, str]]:
-    """Of each constant its key, value, lower and upper end of the 90 % interval, and what is to be said of it."""
+def constants(c: Calibration) -> Iterator[tuple[str, float, str, str]]:
+    """Of each constant its key, value, 90 % interval in words, and what is to be said of it."""
     found = c.wheelset.numbers() | {n: getattr(c.wheelset.bogie, n) for n in KEYS if hasattr(c.wheelset.bogie, n)}
     for name in WORDS:
-        low, high = c.intervals[name]
-        yield name, found[name], low, high, _remark(c, name)
+        ends = c.intervals.get(name)
+        yield name, found[name], f"{ends[0]:.4g} to {ends[1]:.4g}" if ends else "", _remark(c, name)
 
 
 def _remark(c: Calibration, name: str) -> str:
-    if c.half_width(name) > LITTLE_KNOWN:
+    if not c.is_told(name):
         return "cannot be told from this" + f": within {100 * NEEDED.get(name, 0):.0f} % is needed" * (name in NEEDED)
     if name in c.lacking:
         return f"not known well enough: within {100 * NEEDED[name]:.0f} % is needed"
@@ -58,15 +58,15 @@ def _remark(c: Calibration, name: str) -> str:
 def constant_lines(c: Calibration) -> list[str]:
     """The same as lines."""
     return [
-        f"  {WORDS[name]:29} {value:9.4g} {KEYS[name].unit:11} ({low:.4g} to {high:.4g})  {remark}".rstrip()
-        for name, value, low, high, remark in constants(c)
+        f"  {WORDS[name]:29} {value:9.4g} {KEYS[name].unit:11} {f'({ends})' if ends else ''}  {remark}".rstrip()
+        for name, value, ends, remark in constants(c)
     ]
 
 
 def to_record(c: Calibration) -> list[str]:
     """What would make known well enough what is not."""
     lines = []
-    if c.lacking:
+    if c.lacking and not c.refused:
         names = ", ".join(WORDS[n] for n in c.lacking)
         minutes = max(c.lacking.values()) ** 2 * c.stretches * (1 - OVERLAP) * STRETCH_S / 60
         until = f"record until there are some {minutes:.0f} minutes of calm stretches, at several speeds"
@@ -74,7 +74,7 @@ def to_record(c: Calibration) -> list[str]:
         if c.fit is not None and c.fit.incoherence > SUSPICIOUS:
             lines += ["the signals are more incoherent than usual: smoother track would tell more"]
     most = c.left_out.most_common(1)
-    if (c.refused or c.lacking) and most and most[0][1] > c.stretches:
+    if (c.fit is None or lines) and most and most[0][1] > c.stretches:
         lines += [f"most was left out for: {most[0][0].value}; {ADVICE[most[0][0]]}"]
     return lines
 

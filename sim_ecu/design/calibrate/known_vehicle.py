@@ -1,18 +1,19 @@
 """What is known of a vehicle before its logs are looked at: a vehicle's file, as scenarios take it.
 
 It gives wheelbase, wheel radius and load, and what else is known. A constant that stands in it is known within a tenth,
-or within its [interval]; of the others the fit takes the packaged vehicle's to begin with.
+or where a file has [interval], within that; of the others the fit takes the packaged vehicle's to begin with.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
-from sim_ecu.physics.wheelset import Wheelset
+from sim_ecu.physics.wheelset import Bogie, Wheelset
+from sim_ecu.play.scenario_keys import TITLE
 from sim_ecu.play.suspension import read_suspension
 from sim_ecu.play.vehicles import read_intervals, read_vehicle
 from wrcd.config.settings import Section
-from wrcd.fit.bogie import PRIOR_SIGMA
+from wrcd.fit.bogie import PRIOR_SIGMA, SHAFT
 
 SIGMA_OF_KNOWN = 0.06  # log: within a tenth, with 90 %
 OF_90_PERCENT = 1.645  # standard deviations of a half width
@@ -41,9 +42,39 @@ def read_known(top: Section) -> KnownVehicle:
         raise top.error("is a lone wheelset; both wheelsets of a bogie are looked at", "vehicle", "describe the bogie")
     if load_kg is not None:
         wheelset = _loaded(own, wheelset, load_kg)
-    intervals = read_intervals(top)
+    _check_usual(top, wheelset)
+    intervals = _intervals(top, wheelset, given)
+    TITLE.read(top)  # a found vehicle has one
     top.done()
-    return KnownVehicle(wheelset, {name: _sigma(name, intervals) for name in PRIOR_SIGMA if name in given})
+    assert wheelset.bogie is not None
+    # what is not there by the file stays away; a damper that a packaged vehicle lacks may be on this one
+    lacks = {n for n in PRIOR_SIGMA if n not in given and getattr(wheelset.bogie, n, 1.0) == 0.0}
+    wheelset = replace(wheelset, bogie=replace(wheelset.bogie, **{n: getattr(Bogie(), n) for n in lacks}))
+    names = {name: "k_s" if name == SHAFT else name for name in PRIOR_SIGMA}
+    known = intervals or dict.fromkeys(given, (0.0, 0.0))  # where intervals are given, what has none is not known
+    return KnownVehicle(wheelset, {name: _sigma(name, intervals) for name, key in names.items() if key in known})
+
+
+# from … to, what trains have; beyond it is a mistake of the unit
+USUAL = {"r_0": (0.2, 0.8), "M_v": (1500.0, 25_000.0), "semi_wheelbase_m": (0.6, 2.5)}
+
+
+def _check_usual(top: Section, w: Wheelset) -> None:
+    for name, (low, high) in USUAL.items():
+        value = getattr(w if hasattr(w, name) else w.bogie, name)
+        if not low <= value <= high:
+            table = top.section("wheelset" if hasattr(w, name) else "vehicle")
+            raise table.error(f"is {value:g}, of trains from {low:g} to {high:g}", name, "look at its unit")
+
+
+def _intervals(top: Section, w: Wheelset, given: Collection[str]) -> Mapping[str, tuple[float, float]]:
+    intervals = read_intervals(top)
+    for name, (low, high) in intervals.items():
+        value = getattr(w if hasattr(w, name) else w.bogie, name)
+        if name not in given or not low <= value <= high:
+            reason = f"does not hold the constant, {value:g}" if name in given else "is of a constant that is not given"
+            raise top.section("interval").error(reason, name, "give both, or neither")
+    return intervals
 
 
 def _require(own: Section, held: Section, load_kg: float | None) -> None:
@@ -68,7 +99,7 @@ def _loaded(own: Section, w: Wheelset, load_kg: float) -> Wheelset:
 
 
 def _sigma(name: str, intervals: Mapping[str, tuple[float, float]]) -> float:
-    if name in intervals:
-        low, high = intervals[name]
+    if (key := "k_s" if name == SHAFT else name) in intervals:
+        low, high = intervals[key]
         return math.log(high / max(low, 1e-9 * high)) / (2 * OF_90_PERCENT)
     return min(SIGMA_OF_KNOWN, PRIOR_SIGMA[name])

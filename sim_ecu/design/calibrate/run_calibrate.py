@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
-from sim_ecu.design.calibrate.bogie_ticks import bogie_ticks, digest, places_of
+from sim_ecu.design.calibrate.bogie_ticks import digest, places_of, runs_of
 from sim_ecu.design.calibrate.calibration import Calibration, calibrate
 from sim_ecu.design.calibrate.calibration_words import constant_lines, sensors, to_record, used
 from sim_ecu.design.calibrate.known_vehicle import read_known
@@ -15,6 +15,7 @@ from sim_ecu.reporting.result_files import check_output, save
 from wrcd.config.config import load_config
 from wrcd.config.settings import read_toml, read_whole
 from wrcd.errors import InputError, Status, need
+from wrcd.logs.replay_outputs import check_output as not_an_input
 from wrcd.progress import Progress
 
 
@@ -25,16 +26,20 @@ def run(
     """Calibrate, print what came of it, write the files. Returns STOPPED where it refuses. Raises InputError."""
     check_output("-o", output)
     check_output("--html", page)
-    if output in (*logs, known_file):
-        raise InputError("would be overwritten", file=output, key="-o", hint="name another file")
+    read_too = [*logs, known_file, config_file]
+    not_an_input(output, read_too)
     if page is not None:
+        not_an_input(page, [*read_too, output], "--html")
         need(("matplotlib",), "report", "--html")
     known = read_whole(known_file, lambda top, _: read_known(top))
     for line in conversions(read_toml(known_file)):
         print(line)
     config = load_config(config_file)
     places = places_of(config, axles)
-    runs = [bogie_ticks(log, config, places, channel) for log in logs]
+    digests = [(log.name, digest(log)) for log in logs]
+    if twice := [name for k, (name, of) in enumerate(digests) if of in [d for _, d in digests[:k]]]:
+        raise InputError("is given twice", file=twice[0], hint="leave it out: it would count as two")
+    runs = runs_of(logs, config, places, channel)
     progress = Progress()
     try:
         found = calibrate(runs, known, lambda step: progress.at(f"step {step} of the fit"))
@@ -50,7 +55,6 @@ def run(
     if found.refused:
         print(f"sim-ecu: refused: {found.refused}; {output} is not written", file=sys.stderr)
         return Status.STOPPED
-    digests = [(log.name, digest(log)) for log in logs]
     text_of_vehicle = vehicle_text(found, output.stem, digests, datetime.now(UTC).date())
     save(output, lambda partly: partly.write_text(text_of_vehicle, encoding="utf-8"))
     print(f"{output}: sim-ecu design --config {output} -o {output.stem}.design.json")
@@ -62,5 +66,5 @@ def lines(c: Calibration) -> list[str]:
     out = used(c)
     if c.fit is not None:
         out += [f"incoherent by {100 * c.fit.incoherence:.1f} %: what neither track nor noise explains"]
-        out += [*constant_lines(c), *sensors(c)]
+        out += [] if c.refused else [*constant_lines(c), *sensors(c)]
     return out + to_record(c)

@@ -10,7 +10,7 @@ import pytest
 
 from sim_ecu.cli.main import main
 from sim_ecu.design.brief import read_brief
-from sim_ecu.design.calibrate.bogie_ticks import bogie_ticks
+from sim_ecu.design.calibrate.bogie_ticks import bogie_runs
 from sim_ecu.design.calibrate.calibration import NEEDED, Calibration, calibrate
 from sim_ecu.design.calibrate.calibration_words import sensors, to_record
 from sim_ecu.design.calibrate.known_vehicle import KnownVehicle, read_known
@@ -64,7 +64,8 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def signals(log: Path) -> BogieSignals:
-    return bogie_ticks(log, load_config(None), (0, 1))
+    (run,) = bogie_runs(log, load_config(None), (0, 1))
+    return run
 
 
 @pytest.fixture(scope="module")
@@ -233,6 +234,10 @@ def test_what_is_not_known_well_enough_is_said_with_what_to_record(found: Calibr
         (KNOWN.replace("1.25", "1.25\nbody_mass_kg = 2e4"), "wheelset.M_v: and body_mass_kg are both there"),
         (KNOWN + "conicity = 0.1\n", "wheelset.conicity: unknown key"),
         ('vehicle = "metro"\n', "vehicle: is a lone wheelset"),
+        (KNOWN.replace("r_0 = 0.5", "r_0 = 500"), "wheelset.r_0: is 500, of trains from 0.2 to 0.8"),
+        (KNOWN.replace("15000", "141300"), "wheelset.M_v: is 141300, of trains from 1500 to 25000"),
+        (KNOWN + "gamma = 0.5\n[interval]\ngamma = [0.1, 0.11]\n", "interval.gamma: does not hold the constant, 0.5"),
+        (KNOWN + "[interval]\ngamma = [0.1, 0.2]\n", "interval.gamma: is of a constant that is not given"),
     ],
 )
 def test_known_file_that_does_not_do_is_refused(text: str, said: str) -> None:
@@ -241,12 +246,59 @@ def test_known_file_that_does_not_do_is_refused(text: str, said: str) -> None:
 
 
 def test_constant_that_is_known_is_a_prior_by_its_interval_or_within_a_tenth() -> None:
-    text = KNOWN + "gamma = 0.1\nm_w = 1500\n[interval]\ngamma = [0.05, 0.2]\n"
+    text = KNOWN + "gamma = 0.1\nm_w = 1500\nk_s = 6e6\n"
     read = read_known(parse_toml(text, "known.toml"))
     assert (read.wheelset.gamma, read.wheelset.m_w) == (0.1, 1500)
-    assert read.sigma["gamma"] == pytest.approx(np.log(4) / 3.29)
-    assert read.sigma["m_w"] == 0.06
-    assert set(read.sigma) == {"gamma", "m_w", "r_0"}
+    assert read.sigma == {"gamma": 0.06, "m_w": 0.06, "shaft": 0.06, "r_0": 0.02}
+    found = read_known(parse_toml(text + "[interval]\ngamma = [0.05, 0.2]\n", "known.toml"))
+    assert found.sigma == {"gamma": pytest.approx(np.log(4) / 3.29)}
+
+
+def test_damper_that_a_packaged_vehicle_lacks_may_be_there_and_one_that_the_file_denies_is_not() -> None:
+    name = "secondary_yaw_damping_N_m_s_rad"
+    assert of(read_known(parse_toml('vehicle = "manchester-1"', "known.toml")).wheelset, name) > 0
+    text = KNOWN.replace("1.25", f"1.25\n{name} = 0")
+    assert of(read_known(parse_toml(text, "known.toml")).wheelset, name) == 0
+
+
+def test_load_that_is_a_third_is_refused(signals: BogieSignals) -> None:
+    text = KNOWN.replace("15000", "5000")
+    found = calibrate([signals], read_known(parse_toml(text, "known.toml")))
+    assert "look at load, wheel radius, wheelbase" in found.refused
+    assert to_record(found) == []
+
+
+def test_dead_signals_are_refused(signals: BogieSignals, known: KnownVehicle) -> None:
+    z = signals.z.copy()
+    z[:, 1] = 0.01
+    assert calibrate([replace(signals, z=z)], known).refused
+
+
+def test_log_with_a_day_between_its_parts_is_read_as_two_runs_and_a_short_piece_does_no_harm(
+    log: Path, folder: Path, known: KnownVehicle
+) -> None:
+    lines = log.read_text().splitlines(keepends=True)
+    day = [f"({float(x[1:18]) + 86400:.6f}{x[18:]}" for x in lines[20_000:40_000]]
+    (folder / "two.log").write_text("".join(lines[:20_000] + day))
+    runs = bogie_runs(folder / "two.log", load_config(None), (0, 1))
+    assert len(runs) == 2
+    assert sum(len(r.z) for r in runs) < 10_000
+    short = [replace(runs[0], **{n: getattr(runs[0], n)[:k] for n in ("z", "speed_m_s", "ticked")}) for k in (1, 30)]
+    assert calibrate([*short, *runs], known).refused.startswith("too few calm stretches")
+
+
+def test_what_was_found_is_known_and_a_log_that_gives_nothing_is_left_out(
+    log: Path, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "nothing.log").write_text("(1700000000.000000) can0 7FF#00\n" * 40)
+    args = ["calibrate", str(log), "nothing.log", "--known", "known.toml", "-o", "mine.toml"]
+    assert main(args) == 0
+    assert "warning: left out: nothing.log" in capsys.readouterr().err
+    found = read_known(read_toml(folder / "mine.toml"))
+    assert set(found.sigma) >= set(NEEDED)
+    assert "secondary_yaw_N_m_rad" not in found.sigma
+    assert main(["calibrate", str(log), str(log), "--known", "known.toml", "-o", "twice.toml"]) == Status.BAD_INPUT
+    assert "is given twice" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -255,7 +307,8 @@ def test_constant_that_is_known_is_a_prior_by_its_interval_or_within_a_tenth() -
         (["--axles", "1,9"], "--axles: takes two axles of the configuration"),
         (["--axles", "1,x"], "--axles: takes two numbers"),
         (["--axles", "3,4"], "has no usable yaw rate of axle 3"),
-        (["-o", "known.toml"], "known.toml: -o: would be overwritten"),
+        (["-o", "./known.toml"], "known.toml: -o: is read by this command; it would be lost"),
+        (["--html", "known.toml"], "known.toml: --html: is read by this command; it would be lost"),
         (["--config", "one.toml"], "maps one axle"),
     ],
 )
