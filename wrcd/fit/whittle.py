@@ -74,12 +74,11 @@ class Judged:
 
 @dataclass(frozen=True, slots=True)
 class Scores:
-    """Of a guess: gradient (U,) and Fisher matrix (U, U) without powers and slopes; the same of each block, without
-    priors; own (B, 2) and with (B, 2, U): the slopes' step, less what the unknowns' step takes of it."""
+    """Of a guess: gradient (U,) and Fisher matrix (U, U) without powers and slopes; own (B, 2) and taken (B, 2, U): the
+    slopes' step, less what the unknowns' step takes of it."""
 
     gradient: FloatArray
     fisher: FloatArray
-    block_gradients: FloatArray
     own: FloatArray
     taken: FloatArray
 
@@ -279,7 +278,7 @@ class BogieFit:
         g[:, u:] -= guess.slopes / sigma**2
         F, g, own, taken = _eliminated(F, g, SLOPES)
         prior = 1 / self.sigma**2
-        return Scores(g.sum(axis=0) - guess.unknowns * prior, F.sum(axis=0) + np.diag(prior), g, own, taken)
+        return Scores(g.sum(axis=0) - guess.unknowns * prior, F.sum(axis=0) + np.diag(prior), own, taken)
 
     def run(self, steps: int = MAX_STEPS, shown: Callable[[int], object] | None = None) -> None:
         """Climb to the most likely guess. shown: is called with the number of each step."""
@@ -334,13 +333,6 @@ class BogieFit:
     def covariance(self) -> FloatArray:
         """(U, U), of the unknowns, if the model were right."""
         return np.asarray(np.linalg.inv(self.scores.fisher))
-
-    @property
-    def robust_covariance(self) -> FloatArray:
-        """(U, U), from how much the blocks' gradients scatter: what the model lacks is in it."""
-        inverse, g = self.covariance, self.scores.block_gradients
-        out: FloatArray = inverse @ (g.T @ g + np.diag(1 / self.sigma**2)) @ inverse
-        return out
 
     @property
     def expected(self) -> ComplexArray:

@@ -9,10 +9,10 @@ from sim_ecu.design.calibrate.known_vehicle import OF_90_PERCENT, KnownVehicle
 from sim_ecu.physics.wheelset import Wheelset
 from wrcd.fit.bogie import PRIOR_SIGMA, SHAFT, BogieConstants
 from wrcd.fit.stretches import Blocks, BogieSignals, LeftOut, blocks_of
-from wrcd.fit.whittle import UNKNOWNS, BogieFit, run_trimmed
+from wrcd.fit.whittle import MIN_BLOCKS, UNKNOWNS, BogieFit, run_trimmed
 
 EVERY_BINS = 2  # of the frequencies: a Hann window smears each over its neighbours
-MIN_BLOCKS, MIN_STRETCHES = 3, 20
+MIN_STRETCHES = 20
 MAX_INCOHERENCE = 0.10  # good fits have 3 to 6.5 %; at 11 to 19 % constants were wrong by a factor of two
 # Clocks of both axles that are 10 ms apart have an optimum of their own, with a wrong conicity: where the signals are
 # more incoherent than this, the fit is begun again with such clocks; where they are by far, that is in vain.

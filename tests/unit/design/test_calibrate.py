@@ -176,9 +176,14 @@ def test_wrong_sensors_are_found(signals: BogieSignals, known: KnownVehicle) -> 
     z = signals.z.copy()
     z[1:, 1] = z[:-1, 1]  # the leading accelerometer is read a tick before the gyro
     wrong = replace(signals, z=z, speed_m_s=0.97 * signals.speed_m_s)
-    said = sensors(calibrate([wrong], known))
-    assert any(re.match(r"leading axle: the accelerometer is read \d+\.\d ms before the gyro", line) for line in said)
-    assert any(re.match(r"the speed reads -\d\.\d %", line) for line in said)
+    right, found = (calibrate([s], known) for s in (signals, wrong))
+    said = "\n".join(sensors(found))
+    assert re.search(r"leading axle: the accelerometer is read \d+\.\d ms before the gyro\n", said)
+    assert re.search(r"the speed reads -\d\.\d %", said)
+    assert found.fit is not None
+    assert right.fit is not None
+    more = {name: found.fit.logs[name] - right.fit.logs[name] for name in ("lead_1", "lead_2", "speed_scale")}
+    assert more == pytest.approx({"lead_1": 0.005, "lead_2": 0.0, "speed_scale": -np.log(0.97)}, abs=0.0015, rel=0.2)
 
 
 def test_clocks_of_the_axles_that_are_apart_are_found_and_do_no_harm(
