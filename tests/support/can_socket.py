@@ -56,6 +56,13 @@ def _error(number: int) -> OSError:
     return OSError(number, os.strerror(number))
 
 
+def control_of(*of: tuple[int, int, bytes]) -> bytes:
+    """What recvmsg gives beside a frame, as the kernel lays it out: of each level, kind and data."""
+    return b"".join(
+        struct.pack("@Nii", 16 + len(data), level, kind) + data + bytes(-len(data) % 8) for level, kind, data in of
+    )
+
+
 class Library:
     """The library in C, asked for sockets of this kind: of what they refuse it knows nothing."""
 

@@ -7,6 +7,7 @@ import struct
 
 import pytest
 
+from tests.support.can_socket import control_of
 from wrcd.bus import rawcan
 from wrcd.bus.rawcan import SO_RXQ_OVFL, SO_TIMESTAMPING, SO_TIMESTAMPNS
 from wrcd.native import library
@@ -25,9 +26,7 @@ class HardwareClock(rawcan.HardwareClock):
 
 def beside(now_us: int, *of: tuple[int, int, bytes]) -> tuple[int, ...]:
     """The kernel's stamp, the controller's and the frames lost, of what recvmsg gives beside a frame."""
-    control = b"".join(
-        struct.pack("@Nii", 16 + len(data), level, kind) + data + bytes(-len(data) % 8) for level, kind, data in of
-    )
+    control = control_of(*of)
     found = (ctypes.c_int64 * 3)(now_us)
     library()["wrcd_look_beside"](control, ctypes.c_size_t(len(control)), found)
     return tuple(found)
