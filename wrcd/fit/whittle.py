@@ -20,10 +20,12 @@ from wrcd.fit.stretches import CHANNELS, Blocks, BoolArray
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 # One standard deviation of what is known before. Of the sensors of the leading (1) and the trailing wheelset (2): by
-# how many s the accelerometer is read before the gyro, the log of its gain, by how many rad the gyro's axis is askew.
+# how many s the accelerometer is read before the gyro, the log of its gain and the gyro's, by how many rad the gyro is
+# askew.
 # By how many s the trailing wheelset's clock is late against the leading one's; the log of the speed's scale.
 SENSOR_SIGMA: Mapping[str, float] = {
-    "lead_1": 0.003, "lead_2": 0.003, "gain_1": 0.02, "gain_2": 0.02, "askew_1": 0.035, "askew_2": 0.035,
+    "lead_1": 0.003, "lead_2": 0.003, "gain_1": 0.02, "gain_2": 0.02, "gyro_gain_1": 0.02,
+    "gyro_gain_2": 0.02, "askew_1": 0.035, "askew_2": 0.035,
     "late": 0.005, "speed_scale": 0.02,
 }  # fmt: skip
 # Logs of factors on NOISE (of a gyro, rad/s, and an accelerometer, m/s2, rms a sample) and on INCOHERENCE
@@ -121,11 +123,11 @@ class BogieFit:
 
     def _sensed(self, bogie: ComplexArray, unknowns: FloatArray) -> ComplexArray:
         """H: the bogie's signals as the sensors give them."""
-        lead, gain, askew = unknowns[OF_VEHICLE:_LATE].reshape(3, 2)
+        lead, gain, gyro_gain, askew = unknowns[OF_VEHICLE:_LATE].reshape(4, 2)
         turn = 2j * np.pi * self.blocks.frequency_hz[:, None]
         H = np.empty((*bogie.shape[:2], CHANNELS, POWERS), np.complex128)
         for k in range(2):
-            H[:, :, 2 * k] = bogie[:, :, k, 0] + askew[k] * bogie[:, :, k, 2]
+            H[:, :, 2 * k] = (bogie[:, :, k, 0] + askew[k] * bogie[:, :, k, 2]) * np.exp(gyro_gain[k])
             H[:, :, 2 * k + 1] = bogie[:, :, k, 1] * np.exp(gain[k] - turn * lead[k])
         H[:, :, 2:] *= np.exp(-turn * unknowns[_LATE])[:, :, None]
         return H

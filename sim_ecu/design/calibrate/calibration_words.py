@@ -95,6 +95,8 @@ def sensors(c: Calibration) -> list[str]:
             lines += [f"{which} axle: the accelerometer is read {abs(ms):.1f} ms {order} the gyro"]
         if sure(f"askew_{k}", ASKEW_RAD):
             lines += [f"{which} axle: the gyro's axis is askew by {math.degrees(x[f'askew_{k}']):+.1f} degrees"]
+        if sure(f"gyro_gain_{k}", GAIN):
+            lines += [f"{which} axle: the gyro reads {100 * math.expm1(x[f'gyro_gain_{k}']):+.0f} %"]
         if sure(f"gain_{k}", GAIN):
             lines += [f"{which} axle: the accelerometer reads {100 * math.expm1(x[f'gain_{k}']):+.0f} %"]
         for sensor, what in (("yaw", "gyro"), ("lateral", "accelerometer")):

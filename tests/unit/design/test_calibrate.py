@@ -90,7 +90,7 @@ def test_constants_lie_in_their_intervals_and_are_nearer_than_the_guess(found: C
     true, guess = of(another_unit(), name), of(load_vehicle("multiple-unit"), name)
     low, high = found.intervals[name]
     assert low < true < high
-    assert high / low < 1.7
+    assert high / low < 1.8
     assert abs(np.log(of(found.wheelset, name) / true)) < abs(np.log(guess / true))
 
 
