@@ -33,8 +33,8 @@ def make(folder: Path, *words: str) -> str:
 def run_make(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
     """Run make there, however it ends."""
     apart = {name: value for name, value in os.environ.items() if not name.startswith("MAKE")}  # from one that runs us
-    return subprocess.run(
-        ["make", "-C", folder, *words], env=apart, capture_output=True, text=True, timeout=120, check=False
+    return subprocess.run(  # zig compiles a C library first, beside other tests for minutes
+        ["make", "-C", folder, *words], env=apart, capture_output=True, text=True, timeout=1800, check=False
     )
 
 
