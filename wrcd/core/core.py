@@ -15,6 +15,7 @@ from wrcd.bus.frame import Frame
 from wrcd.bus.mapping import Mapped
 from wrcd.core.configuration import Config
 from wrcd.core.counts import Counts, Health
+from wrcd.core.design_fit import DesignFit, fits_of
 from wrcd.core.estimator import Estimator
 from wrcd.core.events import Events
 from wrcd.core.layouts import as_struct, layouts
@@ -103,6 +104,16 @@ class Core:
     def reports(self) -> list[Report]:
         """Of every axle at the newest slot."""
         return reports(self._reports)
+
+    @property
+    def design_fits(self) -> tuple[DesignFit, ...]:
+        """Of every bogie whose constants the design has."""
+        count = int(self._tables["settings"]["bogies"][0])
+        return fits_of(self.config, self._train.state["bogie_state"][:count])
+
+    def take_design_fit(self, other: "Core") -> None:
+        """Know of every bogie what another core of the same design knows of its first one."""
+        self._train.state["bogie_state"][:] = other._train.state["bogie_state"][0]
 
     @property
     def newest_us(self) -> int:

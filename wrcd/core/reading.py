@@ -48,8 +48,7 @@ class Receiver:
         settings = np.zeros(1, dtype=layouts()["settings"])
         settings["messages"], settings["inputs"] = len(self.mapped.messages), len(sources)
         settings["statuses"] = len(self.mapped.statuses)
-        nothing = {name: np.zeros(1, dtype=layouts()[name]) for name in ("sent", "told")}
-        self._train = Train(tables | nothing | {"settings": settings}, (0, 0, 0))
+        self._train = Train(tables | {"settings": settings}, (0, 0, 0))
         self._numbers = np.array([s.number for s in self.mapped.signals], np.int32)
         self.reset()
 
@@ -86,8 +85,7 @@ class Checker:
     frame may come under the wrong id."""
 
     def __init__(self, data_id: int, others: tuple[int, ...] = ()) -> None:
-        kinds = ("settings", "message", "input", "status", "condition", "sent", "told")
-        tables = {name: np.zeros(1, dtype=layouts()[name]) for name in kinds}
+        tables = {name: np.zeros(1, dtype=layouts()[name]) for name in ("settings", "message")}
         tables["settings"]["messages"], tables["message"]["is_protected"] = 1, 1
         tables["message"]["crc_start"], tables["message"]["others"] = crc_of_data_id(data_id), len(others)
         tables |= {"number": np.array([*map(crc_of_data_id, others), 0], np.int64)}

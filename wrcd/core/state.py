@@ -10,15 +10,16 @@ from wrcd.core.layouts import layouts
 from wrcd.core.tables import Tables
 
 Records = np.ndarray[Any, Any]
-TABLES = ("settings", "message", "input", "status", "condition", "number", "word", "rule", "sent", "told")
+TABLES = ("settings", "message", "input", "status", "condition", "number", "word", "rule", "sent", "told", "fit")
 _STATE = {
-    "core": None, "message_state": "messages", "input_state": "inputs", "status_state": "statuses", "axle": "axles"
+    "core": None, "message_state": "messages", "input_state": "inputs", "status_state": "statuses", "axle": "axles",
+    "bogie_state": "bogies",
 }  # fmt: skip
 OUT = ("made", "report", "event", "sample", "tick")  # in C's order
 
 
 class _Train(ctypes.Structure):
-    _fields_ = [("pointers", ctypes.c_void_p * 18)]
+    _fields_ = [("pointers", ctypes.c_void_p * 20)]
 
 
 class _Out(ctypes.Structure):
@@ -29,10 +30,13 @@ class _Out(ctypes.Structure):
 
 
 class Train:
-    """Tables and state as C has them. estimator: addresses of its state, its design's table and its newest result."""
+    """Tables and state as C has them; a table that is not given is empty. estimator: addresses of its state, its
+    design's table and its newest result."""
 
     def __init__(self, tables: Tables, estimator: tuple[int, int, int]) -> None:
-        self._tables, settings = tables, tables["settings"][0]
+        nothing = {name: np.zeros(1, dtype=layouts()[name]) for name in TABLES if name in layouts()}
+        self._tables = tables = {**nothing, **tables}
+        settings = tables["settings"][0]
         self.state: Mapping[str, Records] = {
             name: np.zeros(1 if of is None else max(1, int(settings[of])), dtype=layouts()[name])
             for name, of in _STATE.items()
@@ -40,7 +44,7 @@ class Train:
         memory, design, result = estimator
         at = [tables[name].ctypes.data for name in TABLES]
         at += [design, *(array.ctypes.data for array in self.state.values()), memory, result]
-        self._struct = _Train((ctypes.c_void_p * 18)(*at))
+        self._struct = _Train((ctypes.c_void_p * 20)(*at))
         self.pointer = ctypes.addressof(self._struct)
 
     def copy_from(self, other: "Train") -> None:

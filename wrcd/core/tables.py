@@ -15,6 +15,7 @@ from wrcd.bus.positions import MAX_BITS, Branch, Field
 from wrcd.bus.units import Quantity
 from wrcd.bus.writers import SignalWriter, Writer
 from wrcd.core.configuration import LOAD_SHARES, RADIUS_SHARES, Config, Input
+from wrcd.core.design_fit import fit_members
 from wrcd.core.layouts import layouts, told_names
 from wrcd.core.terms import MAX_SIGNALS
 from wrcd.core.vocabulary import CONFIDENCES, SURFACES, words_of
@@ -163,6 +164,7 @@ def tables_of(config: Config, mapped: Mapped) -> Tables:
     out = input_tables(mapped, config.inputs, [silent_us(config, i) for i in config.inputs])
     sent, told = _sent(config)
     out |= {"sent": _filled("sent", sent), "told": _filled("told", told)}
+    out["fit"] = _filled("fit", [fit_members(config.design)])
     out["settings"] = _filled("settings", [_settings(config, mapped, out, len(sent))])
     starts = out["settings"]["start"][0]
     for row, s in zip(out["input"], mapped.signals, strict=False):
@@ -192,7 +194,8 @@ def _settings(config: Config, mapped: Mapped, tables: Tables, sent: int) -> dict
         "load_N": 2 * design.normal_N, "radius_m": design.r_0,
         "load_shares": LOAD_SHARES, "radius_shares": RADIUS_SHARES,
         "surface_pct": [low for low, _ in SURFACES], "confidence_pp": [most for most, _ in CONFIDENCES],
-        "surfaces": len(SURFACES), "confidences": len(CONFIDENCES), "axles": n, "messages": len(mapped.messages),
+        "surfaces": len(SURFACES), "confidences": len(CONFIDENCES), "axles": n,
+        "bogies": n // 2 if tables["fit"]["ticks"][0] else 0, "messages": len(mapped.messages),
         "inputs": len(signals), "statuses": len(mapped.statuses), "sent": sent, "window_ticks": design.window_ticks,
         "recent_ticks": design.recent_ticks, "torque_is_total": config.torque_is_total,
         "torque_sign_counts": not (config.torque_is_total or len(has_brakes) == n) or bool(has_brakes) or in_parts,

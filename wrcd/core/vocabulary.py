@@ -60,6 +60,8 @@ _REASONS = ("None", *(r.label for r in Reason))
 _INPUTS = ("YawRate", "LatAccel", "Torque", "Speed")
 _PERCENT = Numeric(0, 50, 1.0, "%", absent=True, limits=(0, 100))
 _LEVEL = Numeric(-40, 20, 1.0, "dB", absent=True, limits=(-70, 30))
+# Whether calm running says that the design is this train's, by wrcd/core/c/fit.c.
+FITS = ("Unknown", "Like", "Unsure", "Unlike")
 _BIT, _BITS = Numeric(0, 1, exact=True), Numeric(0, 255, exact=True)
 
 # By the configuration's key of the message. Adhesion beyond 50 % is sent as the most that the field can say.
@@ -93,6 +95,7 @@ MESSAGES: Mapping[str, Mapping[str, Numeric | Words]] = {
     },
     "status_message": {
         "State": Words(("Running", "LinkDown", "Stopping")),
+        "DesignFit": Words(FITS, (), _nothing("Like", FITS[2:])),
         "Overruns": _count(256),
         "RejectedFrames": _count(1024),
         "LastReason": Words(_REASONS),

@@ -10,7 +10,7 @@ from wrcd.core.tables import QUANTITIES, Records
 TYPES = {
     "settings": "wrcd_settings", "message": "wrcd_message", "input": "wrcd_input", "status": "wrcd_status_rule",
     "condition": "wrcd_condition", "number": "int64_t", "word": "int64_t", "rule": "int32_t", "sent": "wrcd_sent",
-    "told": "wrcd_told_field",
+    "told": "wrcd_told_field", "fit": "wrcd_fit_table",
 }  # fmt: skip
 _BY_AXLE = {"input_cycle_us": 1, "input_of": len(QUANTITIES)}  # rows of so many axles as there is room for
 

@@ -16,6 +16,7 @@ from wrcd.bus.mapping import Mapped
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
 from wrcd.core.design import FORMAT, Design
+from wrcd.core.design_fit import fit_members
 from wrcd.core.design_members import members
 from wrcd.core.tables import tables_of
 from wrcd.core.terms import COLUMNS, INPUTS, MODELS, PAIR_FEATURES, PairState
@@ -99,8 +100,11 @@ def operations(design: Design, axles: int) -> Mapping[str, str]:
     asked = 9 * 60 + INPUTS * rules + 2**INPUTS * 2 * (COLUMNS + 1) + 2 * COLUMNS
     hidden = 0 if design.health is None else len(design.health.hidden_bias)
     matrices = 2 * MODELS * (2 * (s * s + 4 * s + 4) + 4 * (s + 2))
-    usual = bank + axles * (bank + filters + (pair if hidden else 0))
+    # of a bogie two stretches' spectra; of a bin 19 responses, 34 derivatives, their products; what the sum answers
+    bogies = axles // 2 if fit_members(design)["ticks"] else 0
+    usual = bank + axles * (bank + filters + (pair if hidden else 0)) + bogies * 2 * 26 * 4 * 2
     most = usual + matrices + axles * (bank + 2 * 2 * asked + (PAIR_FEATURES + len(PairState)) * hidden)
+    most += bogies * (19 * 4 * 212 + 34 * 4 * 128 + 34 * 34 // 2 * 16 + 2 * 29**3 // 3 + 5 * 31 * 31)
     return {"USUAL": f"{math.ceil(usual / 100)}00", "MOST": f"{math.ceil(most / 100)}00"}
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from wrcd.bus.dbc import find_message
 from wrcd.bus.positions import message_key
 from wrcd.bus.reasons import Reason
-from wrcd.core.vocabulary import words_of
+from wrcd.core.vocabulary import FITS, words_of
 from wrcd.logs.statistics import added, restarts
 from wrcd.logs.story_events import STALE_AFTER
 from wrcd.logs.story_records import Finding, Series, Story, at, seconds
@@ -29,6 +29,10 @@ LINK_COUNTS = (
     ("Outliers", "measurements left out as outliers"),
     ("Restarts", "axles started anew"),
 )
+STATES = (
+    ("status_message", "State", "daemon", ("Running",)), ("link_message", "LinkState", "link", ("Up",)),
+    ("status_message", "DesignFit", "design's fit", FITS[:-1]),
+)  # fmt: skip
 NOTES = frozenset({"Outliers", "LateFrames"})
 
 
@@ -98,17 +102,15 @@ def _design(story: Story) -> Iterator[Finding]:
 
 
 def _state(story: Story) -> Iterator[Finding]:
-    for series, name, good in ((story.status, "State", "Running"), (story.link, "LinkState", "Up")):
-        values = series.values.get(name) if series is not None else None
-        if values is None or series is None:
+    for key, name, what, good in STATES:
+        series = story.link if key == "link_message" else story.status
+        if series is None or (values := series.values.get(name)) is None:
             continue
-        for place, word in enumerate(words_of("status_message" if name == "State" else "link_message", name)):
+        for place, word in enumerate(words_of(key, name)):
             rows = np.flatnonzero(values == place)
-            if word == good or not len(rows):
-                continue
-            level, what = "note" if word == "Stopping" else "bad", "daemon" if name == "State" else "link"
-            text = f"The {what} said {word} in {len(rows)} frames"
-            yield _first(story, level, text, int(series.time_us[rows[0]]))
+            if word not in good and len(rows):
+                text, level = f"The {what} said {word} in {len(rows)} frames", "note" if word == "Stopping" else "bad"
+                yield _first(story, level, text, int(series.time_us[rows[0]]))
 
 
 def _counts(story: Story, series: Series | None, key: str, counts: tuple[tuple[str, str], ...]) -> Iterator[Finding]:

@@ -18,6 +18,7 @@ from wrcd.bus.reasons import Reason
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
+from wrcd.core.design_fit import DesignFit
 from wrcd.core.events import Change
 from wrcd.core.terms import MODELS
 from wrcd.errors import InputError
@@ -46,6 +47,7 @@ class Estimated:
     accepted: int
     refused: Mapping[tuple[str, Reason], int]
     answers: Mapping[int, "FrameEstimates"]
+    fits: tuple[DesignFit, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +114,8 @@ def estimate(
             reached(stamp_us)
     changes += new_changes.take()
     counts = core.counts
-    return Estimated(gathering.done(log), tuple(changes), counts.accepted, dict(counts.rejected_by_message), answers)
+    counted = counts.accepted, dict(counts.rejected_by_message)
+    return Estimated(gathering.done(log), tuple(changes), *counted, answers, core.design_fits)
 
 
 def gather(
@@ -174,7 +177,7 @@ def gather(
         distance(speed), torque, status, rejects, link,
         statistics.bus(found, config, databases, truth_keys, own.keys, wrong, bit_rate), (), (), tuple(warnings),
         config, _versions(config), found.whole, found.clock_steps, found.gaps,
-        estimated.accepted if estimated else 0, estimated.refused if estimated else {},
+        *((estimated.accepted, estimated.refused, estimated.fits) if estimated else (0, {}, ())),
     )  # fmt: skip
     return verdict.judged(story_events.with_falls(story))
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from wrcd.bus.reasons import Reason
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import Config
+from wrcd.core.design_fit import DesignFit
 from wrcd.errors import InputError
 
 Times = NDArray[np.int64]
@@ -328,6 +329,7 @@ class Story:
     gaps: Gaps = NO_GAPS
     accepted: int = 0  # frames that the core accepted, of what is estimated here
     refused: Mapping[tuple[str, Reason], int] = field(default_factory=dict)  # by message and reason, likewise
+    design_fits: tuple[DesignFit, ...] = ()  # of its bogies, likewise
 
     def axle(self, number: int) -> StoryAxle:
         """Return an axle by its number. Raises InputError for one that the log has not."""

@@ -124,6 +124,9 @@ def daemon_at(model: BusModel, at_us: int) -> DaemonNow:
         if math.isfinite(checksum) and int(checksum) != own:
             parts.append(f"runs another design ({int(checksum):04x}, here {own:04x}): rules and models may differ")
             level = "warn"
+        if "DesignFit" in status and (fit := _word(STATUS, "DesignFit", status)) in ("Unsure", "Unlike"):
+            parts.append(f"DesignFit {fit}: wrcd check --log says more")
+            level = "warn"
     elif STATUS in model.daemon and len(model.daemon[STATUS]):
         parts.append(f"no {model.daemon[STATUS].name}")
         level = "warn"

@@ -125,6 +125,7 @@ class CounterLog:
         self._changes = ChangeLines(core.events, write)
         self._foreign: Counter[int] = Counter()  # as reported
         self._foreign_next_us = 0
+        self._unlike = dict[tuple[int, int], bool]()  # by the axles of a bogie
 
     def look(self, now_us: int) -> None:
         """Write what is new. The time only spaces the lines."""
@@ -144,6 +145,7 @@ class CounterLog:
             self._rejected_next_us = now_us + EVERY_US
             self._log_rejected()
             self._log_clipped()
+            self._log_design_fit()
         if self._link.health.foreign_frames != self._foreign.total() and is_due(self._foreign_next_us, now_us):
             self._foreign_next_us = now_us + EVERY_US
             self._log_foreign()
@@ -167,6 +169,15 @@ class CounterLog:
             self._refused = rejected_by_message.copy()
             why = _most(new, lambda of: f"{of[1]} {of[0]}")
             self._write(f"rejected {new.total()} frames in the last second: {why}")
+
+    def _log_design_fit(self) -> None:
+        """Once, that a bogie is another one than the design's; and once, that it no longer seems so."""
+        for fit in self._core.design_fits:
+            is_unlike = fit.word == "Unlike"
+            if is_unlike != self._unlike.get(fit.axles, False):
+                self._unlike[fit.axles] = is_unlike
+                over = f"axles {fit.axles[0]} and {fit.axles[1]}: the design no longer seems another bogie's"
+                self._write(fit.sentence if is_unlike else over)
 
     def _log_clipped(self) -> None:
         clipped = self._core.counts.clipped

@@ -19,6 +19,8 @@ from sim_ecu.play.scenario import read_scenario
 from wrcd.cli.main import main
 from wrcd.config.config import packaged
 from wrcd.config.settings import parse_toml
+from wrcd.core.core import Core
+from wrcd.core.design_fit import DesignFit
 from wrcd.dbc.bus_check.input_figures import noise
 
 ROOT = Path(__file__).parents[3]
@@ -93,6 +95,55 @@ def test_sound_log_is_fine_and_its_signals_are_told(checked: Checked) -> None:
     assert re.fullmatch(r"1e-06 / 0\.000(29|3|31)", step)  # the noise of the rig's gyro
     assert row(text, "VehicleSpeed.Speed")[2:5] == ["50.0", "20 ms", "20.0"]
     assert re.search(r"axle 1: Valid 8\d\.\d %, WarmingUp 1\d\.\d %", text)
+
+
+def fit(word: str, axles: tuple[int, int] = (1, 2)) -> DesignFit:
+    return DesignFit(axles, word, 250.0, 30.0, 1.5, 0.5, 0.05, {"gamma": 1.5, "primary_yaw_N_m_rad": 0.5})
+
+
+BY = "(likelihood ratio 250 of 30 calm stretches)"
+TIMES = "conicity x 1.5, primary yaw stiffness x 0.5"
+UNSEEN = "fine in what the signals tell: nothing would stop Valid. They do not tell 2 of 2 signs"
+VEHICLE = "whether the vehicle is that of the design"
+HINT = "make one for it: `sim-ecu calibrate`, then `sim-ecu design`"
+
+
+@pytest.mark.parametrize(
+    ("words", "status", "first", "finding"),
+    [
+        (["Like"], 0, UNSEEN, ""),
+        (["Like", "Unknown"], 0, f"{UNSEEN} and {VEHICLE}", ""),
+        (
+            ["Unsure"], 0, f"{UNSEEN} and {VEHICLE}",
+            f"  wheelset: axles 1 and 2: the design may be another bogie's {BY}: {TIMES}; {HINT}",
+        ),
+        (
+            ["Unlike"], 1, "1 finding would stop Valid or make it wrong",
+            f"  wheelset: axles 1 and 2: the design is another bogie's {BY}: {TIMES}; adhesion is about 1.5 points too "
+            f"high here; {HINT}",
+        ),
+    ],
+)  # fmt: skip
+def test_what_bogies_say_of_the_design_is_told(
+    checked: Checked, monkeypatch: pytest.MonkeyPatch, words: list[str], status: int, first: str, finding: str
+) -> None:
+    fits = tuple(fit(word, (2 * k + 1, 2 * k + 2)) for k, word in enumerate(words))
+    monkeypatch.setattr(Core, "design_fits", property(lambda _: fits))
+    came, text = checked(STEADY.format(seconds=2))
+    lines = text.splitlines()
+    assert (came, lines[0]) == (status, first)
+    assert [line for line in lines if line.startswith("  wheelset: ")] == ([finding] if finding else [])
+    own = next(k for k, line in enumerate(lines) if line.startswith("wheelset  "))
+    assert lines[own:] == ["wheelset  the design is for 'multiple-unit'", *(f"  {f.sentence}" for f in fits)]
+    if status:
+        assert lines[1] == finding
+
+
+def test_design_without_a_bogie_is_one_of_which_the_signals_cannot_tell(checked: Checked) -> None:
+    _, text = checked(STEADY.format(seconds=2))
+    assert text.splitlines()[-1] == (
+        "wheelset  the design is for 'multiple-unit'; whether the train has it, the signals cannot tell"
+    )
 
 
 def test_sound_log_of_a_third_partys_dbc_is_fine(checked: Checked) -> None:

@@ -238,7 +238,7 @@ def test_tables_are_the_cores_own_to_the_last_bit(file: str, tmp_path: Path) -> 
     )
     (folder / "more.c").write_text(f'#include <string.h>\n#include "train.h"\n{more}\n')
     subprocess.run([COMPILERS[0], "-shared", "-fPIC", "train.c", "more.c", "-o", library], cwd=folder, check=True)
-    at = (ctypes.c_void_p * 18)()
+    at = (ctypes.c_void_p * 20)()
     ctypes.CDLL(str(library)).tables(at)
     tables = tables_of(config, Mapped(config.database, [i.source for i in config.inputs], config.data_ids))
     for name, address in zip(TABLES, at, strict=False):

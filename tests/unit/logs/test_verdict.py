@@ -89,6 +89,7 @@ def against(config: Config, pct: float, half: float) -> Story:
 
 
 N, V, D = NOT_AVAILABLE, VALID, DEGRADED
+ALL_FITS = ("Unknown", "Like", "Unsure", "Unlike", "Unlike")
 LIES = np.concatenate((np.full(150, 31.0), np.full(50, 20.0)))
 SLOW_FALL = np.concatenate((np.full(450, 38.0), np.full(100, 20.0), np.full(400, 5.0)))
 STORIES: dict[str, Callable[[Config], Story]] = {
@@ -131,6 +132,12 @@ STORIES: dict[str, Callable[[Config], Story]] = {
     ),
     "the same design": lambda c: another_design(c, 0),
     "another design": lambda c: another_design(c, 1),
+    "a design of another bogie": lambda c: story(
+        c, full(), status=series(DesignFit=[place("status_message", "DesignFit", word) for word in ALL_FITS])
+    ),
+    "a design that may be": lambda c: story(
+        c, full(), status=series(DesignFit=[place("status_message", "DesignFit", word) for word in ALL_FITS[:3]])
+    ),
     "rejects": lambda c: story(
         c, full(), rejects=series(RejectedCrc=[0.0, 15.0], RejectedJump=[2.0, 1.0], ForeignFrames=[0.0, 0.0])
     ),

@@ -95,6 +95,16 @@ def test_daemon_with_another_design_is_named(config: Config, made: DaemonFrames)
     assert now.parts[0].startswith("runs another design (0001, here ")
 
 
+@pytest.mark.parametrize("fit", ["Unknown", "Like", "Unsure", "Unlike"])
+def test_design_that_may_be_another_bogies_is_told(config: Config, made: DaemonFrames, fit: str) -> None:
+    checksum = float(int(config.design.checksum[:4], 16))
+    status: dict[str, Value] = {"State": "Running", "DesignFit": fit, "DesignChecksum": checksum}
+    model = fed(BusModel(config), [*made.stretch(20_000, 120_000, GOOD), made.frame(config.status, 100_000, status)])
+    now = daemon_at(model, model.now_us)
+    parts = [f"DesignFit {fit}: wrcd check --log says more"] if fit in ("Unsure", "Unlike") else []
+    assert (now.parts, now.level) == (parts, "warn" if parts else "good")
+
+
 @pytest.mark.parametrize(
     ("overruns", "grown"),
     [((254.0, 255.0, 3.0), "overruns +5"), ((1.0, 3.0, 0.0, 1.0), "overruns +3")],

@@ -13,6 +13,7 @@ from wrcd.bus.reasons import Reason
 from wrcd.bus.units import Quantity
 from wrcd.config.config import load_config
 from wrcd.core.counts import REASONS
+from wrcd.core.vocabulary import FITS
 from wrcd.service.journal import CounterLog
 
 
@@ -126,6 +127,30 @@ def test_flapping_link_is_logged_at_most_once_a_second_per_state(log: Log) -> No
     assert 8 <= len(lines) <= 12
     assert log.look(2000)[-1:] in ([], ["the CAN link is up"])
     assert log.link.health.up
+
+
+def test_design_of_another_bogie_is_said_once_and_once_that_it_is_not(log: Log) -> None:
+    bogies = log.sim.core._train.state["bogie_state"]
+    bogies["ratio"], bogies["weight"], bogies["bias_pp"], bogies["bias_sigma_pp"] = 250.0, 30.0, -1.5, 0.5
+
+    def said(*words: str) -> list[str]:
+        bogies["verdict"] = [FITS.index(word) for word in words]
+        return [line for line in log.look(3000) if "design" in line]
+
+    assert said("Unknown", "Like") == []
+    assert said("Unsure", "Unsure") == []
+    unlike = [
+        f"axles {of}: the design is another bogie's (likelihood ratio 250 of 30 calm stretches): conicity x 1, primary "
+        "yaw stiffness x 1, secondary yaw damping x 1; adhesion is about 1.5 points too low here"
+        for of in ("1 and 2", "3 and 4")
+    ]
+    assert said("Unlike", "Unsure") == unlike[:1]
+    bogies["ratio"] = 300.0
+    assert said("Unlike", "Unsure") == []
+    bogies["ratio"] = 250.0
+    assert said("Unlike", "Unlike") == unlike[1:]
+    assert said("Like", "Unlike") == ["axles 1 and 2: the design no longer seems another bogie's"]
+    assert said("Unsure", "Unlike") == []
 
 
 def test_lines_of_counts_and_of_validity_are_those_of_the_snapshot(log: Log) -> None:

@@ -1,5 +1,5 @@
 /* What only wrcd's Python asks: numbers, and of the estimator many ticks at once and what words are made from. */
-#include "core.h"
+#include "fit.h"
 
 #ifndef WRCD_SOURCES
 #define WRCD_SOURCES ""
@@ -27,7 +27,7 @@ double wrcd_constant(const char *name)
         OF_HEADER(MAX_SIGNALS) OF_HEADER(MAX_POLYNOMIAL) OF_HEADER(MAX_SECTIONS) OF_HEADER(MAX_HIDDEN)
         NUMBER(SPAN_TICKS) NUMBER(NOISE) NUMBER(SWING) NUMBER(MIN_FIRING) NUMBER(HARSH_SHARE) NUMBER(MIN_M) NUMBER(MAX_JUMP)
         NUMBER(FORWARD_STEP_US) NUMBER(BACKWARD_STEP_US) NUMBER(TRACTION_HELD_US) NUMBER(DEAD_SHARE) NUMBER(DOUBTED)
-        NUMBER(BRIDGED_TICKS) NUMBER(FREE_RESETS) NUMBER(FIRST_WAIT_S) NUMBER(LAST_WAIT_S)
+        NUMBER(UNSURE) NUMBER(BRIDGED_TICKS) NUMBER(FREE_RESETS) NUMBER(FIRST_WAIT_S) NUMBER(LAST_WAIT_S)
         {"PAIR_OWN", OWN_FEATURES}, NUMBER(CERTAIN) NUMBER(MAX_FEATURE) NUMBER(SLOWEST_M_S)
         {"LOWEST_LOG_SPREAD", LOG_SPREADS[0]}, {"HIGHEST_LOG_SPREAD", LOG_SPREADS[1]},
     };
@@ -105,4 +105,16 @@ void wrcd_evidence(const wrcd_health_table *h, int count, const double features[
 {
     for (int k = 0; k < count; k++)
         wrcd_health_evidence(h, features[k], evidence[k]);
+}
+
+/* Ticks of a bogie on end: z and present [ticks][SIGNALS], speeds [ticks]. What of it lasts is in the state. */
+void wrcd_fit_run(const wrcd_fit_table *f, wrcd_bogie_state *b, int64_t number, int64_t ticks, const double z[][WRCD_FIT_SIGNALS],
+                  const uint8_t present[][WRCD_FIT_SIGNALS], const double *speed_m_s)
+{
+    for (int64_t k = 0; k < ticks; k++) {
+        bool is_there[WRCD_FIT_SIGNALS];
+        for (int c = 0; c < WRCD_FIT_SIGNALS; c++)
+            is_there[c] = present[k][c];
+        wrcd_fit_step(f, b, false, number + k, z[k], is_there, speed_m_s[k]);
+    }
 }

@@ -8,7 +8,7 @@
  * newest stamp: a step of time. It is counted, nothing that was known before it holds, and no slot between is made. A
  * silence is none: its ticks are closed as the clock tells of them. But after a second of it nothing holds either, so that
  * silence and step leave the same behind them, and whoever cannot tell them apart, as a replay, goes on alike. */
-#include "core.h"
+#include "fit.h"
 
 enum {
     SILENCE_US = 1000000, /* without a mapped frame */
@@ -31,6 +31,8 @@ static void reset_all(const wrcd_train *t)
 {
     t->core->stamp_us = WRCD_NEVER;
     wrcd_inputs_reset(t);
+    for (int k = 0; k < t->settings->bogies; k++)
+        wrcd_fit_reset(&t->bogie[k]);
     wrcd_forget_senders(t);
     for (int axle = 0; axle < t->settings->axles; axle++) {
         wrcd_axle_state *a = &t->axle[axle];
@@ -49,6 +51,7 @@ void wrcd_core_begin(const wrcd_train *t)
     memset(t->input_state, 0, (size_t)s->inputs * sizeof *t->input_state);
     memset(t->status_state, 0, (size_t)s->statuses * sizeof *t->status_state);
     memset(t->axle, 0, (size_t)s->axles * sizeof *t->axle);
+    memset(t->bogie, 0, (size_t)s->bogies * sizeof *t->bogie);
     wrcd_begin(t->estimator, t->design, s->axles);
     for (int axle = 0; axle < s->axles; axle++)
         t->axle[axle].is_reset = 1;
@@ -108,6 +111,24 @@ static int64_t before_all(const wrcd_train *t)
     return (((int64_t)1 << 47) / turn + 1) * turn;
 }
 
+/* Look whether the design is this train's. Backwards the other wheelset of a bogie leads. */
+static void look_at_bogies(const wrcd_train *t, int64_t number, double speed_m_s, const tick_inputs *tick)
+{
+    const int n = t->settings->axles;
+
+    for (int k = 0; k < t->settings->bogies; k++) {
+        double z[WRCD_FIT_SIGNALS];
+        bool is_there[WRCD_FIT_SIGNALS];
+        const bool is_reverse = wrcd_value_of(t, WRCD_DIRECTION, 2 * k) < 0.0;
+        for (int i = 0; i < WRCD_FIT_SIGNALS; i++) {
+            const int axle = 2 * k + (i / WRCD_CHANNELS != is_reverse), at = i % WRCD_CHANNELS * n + axle;
+            z[i] = tick->z[at];
+            is_there[i] = tick->present[at];
+        }
+        wrcd_fit_step(t->fit, &t->bogie[k], is_reverse, number, z, is_there, speed_m_s);
+    }
+}
+
 /* Run the bank on a tick: the axles that have what they need, and need not wait. */
 static void run_tick(const wrcd_train *t, wrcd_out *out, int64_t number, tick_inputs *tick)
 {
@@ -128,6 +149,7 @@ static void run_tick(const wrcd_train *t, wrcd_out *out, int64_t number, tick_in
         return;
     const wrcd_tick now = {number + before_all(t), speed, tick->z, tick->present, tick->torque_ratio};
     const int says = wrcd_step(t->estimator, t->design, &now, t->result);
+    look_at_bogies(t, number, speed, tick);
     const int32_t were_reset = t->core->were_reset;
     t->core->were_reset = 0;
     if (t->core->keeps_ticks) {

@@ -41,6 +41,12 @@ static const field STATUS_STATE[] = {WRCD_STATUS_STATE(AT) END};
 #define RECORD wrcd_axle_state
 static const field AXLE[] = {WRCD_AXLE_STANDING(AT) END};
 #undef RECORD
+#define RECORD wrcd_fit_table
+static const field FIT[] = {WRCD_FIT_TABLE(AT) END};
+#undef RECORD
+#define RECORD wrcd_bogie_state
+static const field BOGIE_STATE[] = {WRCD_BOGIE_STATE(AT) END};
+#undef RECORD
 #define RECORD wrcd_made
 static const field MADE[] = {WRCD_MADE(AT) END};
 #undef RECORD
@@ -74,7 +80,7 @@ static const field TICK[] = {WRCD_TICK_SEEN(AT) AT(result, result, ) END};
 static const struct { const char *name; const field *fields; } RECORDS[] = {
     {"settings", SETTINGS}, {"message", MESSAGE}, {"input", INPUT}, {"status", STATUS}, {"condition", CONDITION},
     {"sent", SENT}, {"told", TOLD}, {"core", CORE}, {"message_state", MESSAGE_STATE}, {"input_state", INPUT_STATE},
-    {"status_state", STATUS_STATE}, {"axle", AXLE}, {"estimator_axle", ESTIMATOR_AXLE},
+    {"status_state", STATUS_STATE}, {"axle", AXLE}, {"fit", FIT}, {"bogie_state", BOGIE_STATE}, {"estimator_axle", ESTIMATOR_AXLE},
     {"estimator", ESTIMATOR}, {"estimate", ESTIMATE}, {"result", RESULT}, {"made", MADE},
     {"report", REPORT}, {"event", EVENT}, {"sample", SAMPLE}, {"tick", TICK},
 };

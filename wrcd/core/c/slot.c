@@ -2,6 +2,7 @@
 #include "core.h"
 
 enum { ADHERING = 1, SATURATED, CONSISTENT = 1, FULL, CONTRADICTS, OLDEST_MS = 255, MOST_OF_A_REASON = 15 };
+static const double UNLIKE_TIMES = 1.5, UNLIKE_SIGMAS = 1.645;
 static const double ROOM = 0.9; /* of a level's half-width */
 static const int TOLD_OF[4] = {WRCD_YAW, WRCD_LAT, WRCD_TORQUE, WRCD_SPEED};
 
@@ -106,6 +107,26 @@ static void tell_inputs(const wrcd_train *t, const wrcd_report *r, double told[W
     }
 }
 
+/* The rules are another bogie's: the interval reaches as far as they are off there, and is no surer than that. */
+static void widen(const wrcd_train *t, wrcd_adhesion adhesion[WRCD_MAX_AXLES])
+{
+    for (int axle = 0; axle < 2 * t->settings->bogies; axle++) {
+        const wrcd_bogie_state *b = &t->bogie[axle / 2];
+        if (b->verdict == WRCD_FIT_UNLIKE)
+            adhesion[axle].half_width_pp = UNLIKE_TIMES * adhesion[axle].half_width_pp + fabs(b->bias_pp) + UNLIKE_SIGMAS * b->bias_sigma_pp;
+    }
+}
+
+/* Of all bogies the worst; Unknown, as long as one is, is no worse than Like. */
+static int design_fit(const wrcd_train *t)
+{
+    int worst = WRCD_FIT_UNKNOWN;
+
+    for (int k = 0; k < t->settings->bogies; k++)
+        worst = t->bogie[k].verdict > worst ? t->bogie[k].verdict : worst;
+    return worst;
+}
+
 static int64_t refused_by(const wrcd_train *t, int reason)
 {
     int64_t count = 0;
@@ -121,6 +142,7 @@ static void tell_daemon(const wrcd_train *t, double told[WRCD_TOLD_COUNT])
     const wrcd_core_state *c = t->core;
 
     told[WRCD_TOLD_State] = (double)c->state;
+    told[WRCD_TOLD_DesignFit] = design_fit(t);
     told[WRCD_TOLD_Overruns] = (double)(c->overruns % 256);
     told[WRCD_TOLD_RejectedFrames] = (double)(c->refused % 1024);
     told[WRCD_TOLD_LastReason] = (double)c->last_reason;
@@ -239,8 +261,10 @@ void wrcd_slot(const wrcd_train *t, wrcd_out *out, int64_t end_us)
 
     if (any_is_due(t, end_us, is_due)) {
         wrcd_report *report = &out->report[first];
-        if (stand(t, has_changed))
+        if (stand(t, has_changed)) {
             wrcd_estimate(t->estimator, t->design, adhesion);
+            widen(t, adhesion);
+        }
         for (int axle = 0; axle < n; axle++) {
             report_of(t, axle, end_us, t->axle[axle].has_estimate ? &adhesion[axle] : NULL, &report[axle]);
             tell_adhesion(&report[axle], told[axle]);

@@ -99,7 +99,7 @@ enum wrcd_validity { WRCD_NOT_AVAILABLE, WRCD_VALID, WRCD_DEGRADED };
     F(Residual1) F(Residual2) F(Residual3) F(Residual4) F(Cause)                                   \
     F(Plausibility) F(Outlier) F(Unchanged) F(ReachYawRate) F(ReachLatAccel) F(ReachTorque)        \
     F(ReachSpeed) F(RefusedYawRate) F(RefusedLatAccel) F(RefusedTorque) F(RefusedSpeed)            \
-    F(State) F(Overruns) F(RejectedFrames) F(LastReason) F(ReceiveDrops) F(Reopens) F(DesignChecksum) \
+    F(State) F(DesignFit) F(Overruns) F(RejectedFrames) F(LastReason) F(ReceiveDrops) F(Reopens) F(DesignChecksum) \
     F(RejectedKind) F(RejectedLength) F(RejectedCrc) F(RejectedDataId) F(RejectedRepeat)           \
     F(RejectedCounter) F(RejectedTwoSenders) F(RejectedStatus) F(RejectedRange) F(RejectedNotFinite) \
     F(RejectedStuck) F(RejectedJump) F(ForeignFrames)                                              \
@@ -130,7 +130,7 @@ enum { WRCD_ADHESION, WRCD_DETAIL, WRCD_INPUTS_SEEN, WRCD_DAEMON, WRCD_REJECTS }
     F(double, start, [WRCD_QUANTITIES] /* of what no signal tells, or none has told */)            \
     F(double, load_N, ) F(double, radius_m, ) F(double, load_shares, [2]) F(double, radius_shares, [2]) \
     F(double, surface_pct, [WRCD_MAX_WORDS]) F(double, confidence_pp, [WRCD_MAX_WORDS])            \
-    F(int32_t, surfaces, ) F(int32_t, confidences, ) F(int32_t, axles, ) F(int32_t, messages, )    \
+    F(int32_t, surfaces, ) F(int32_t, confidences, ) F(int32_t, axles, ) F(int32_t, bogies, ) F(int32_t, messages, ) \
     F(int32_t, inputs, ) F(int32_t, statuses, ) F(int32_t, sent, ) F(int32_t, window_ticks, )      \
     F(int32_t, recent_ticks, ) F(int32_t, torque_is_total, ) F(int32_t, torque_sign_counts, )      \
     F(int32_t, speed_tells_direction, )                                                            \
@@ -160,6 +160,43 @@ enum { WRCD_ADHESION, WRCD_DETAIL, WRCD_INPUTS_SEEN, WRCD_DAEMON, WRCD_REJECTS }
     F(int32_t, is_open, ) F(int32_t, speed_jumped, ) F(int32_t, is_reverse, ) F(int32_t, is_muted, ) \
     F(int32_t, keeps_samples, ) F(int32_t, keeps_ticks, ) F(int32_t, were_reset, /* axles since the newest tick */) \
     F(int32_t, reserved, )
+
+/* Whether the design is this train's (fit.c). The table: the design's bogie and what is known before; constants, unknowns and
+ * bins are wrcd/fit's. */
+enum {
+    WRCD_BOGIE_CONSTANTS = 23, WRCD_FIT_UNKNOWNS = 29, WRCD_FIT_SIGNALS = 4, WRCD_FIT_BINS = 26, WRCD_FIT_TICKS = 1024,
+    WRCD_FIT_RING = 128 /* ticks that a wheelbase may take */
+};
+enum wrcd_fit_verdict { WRCD_FIT_UNKNOWN, WRCD_FIT_LIKE, WRCD_FIT_UNSURE, WRCD_FIT_UNLIKE };
+#define WRCD_FIT_TABLE(F)                                                                          \
+    F(double, tick_s, ) F(double, constants, [WRCD_BOGIE_CONSTANTS]) F(double, own_sigma, [WRCD_FIT_UNKNOWNS])         \
+    F(double, free_sigma, [WRCD_FIT_UNKNOWNS]) F(double, bias, [WRCD_FIT_UNKNOWNS] /* percentage points */) \
+    F(double, noise, [WRCD_FIT_SIGNALS]) F(double, incoherence, ) F(double, secant_N, ) F(double, block_sigma, [3]) \
+    F(double, power_sigma, ) F(double, basis, [3 * WRCD_FIT_BINS]) F(double, cosine, [WRCD_FIT_TICKS]) \
+    F(double, highpass, [12]) F(double, wheelbase_m, ) F(double, least_speed_m_s, ) F(double, steady, ) \
+    F(double, alike, ) F(double, straight_1_m, ) F(double, pulse_sigma, ) F(double, most_missing, ) F(double, most_stretches, ) \
+    F(int32_t, ticks, /* of a stretch; 0: nothing is known of a bogie */) F(int32_t, first_bin, ) F(int32_t, bins_apart, ) \
+    F(int32_t, reserved, )
+/* Of a bogie. What is said; then, which begins anew where the train turns round, the two stretches that are gathered, half a
+ * stretch apart, the block that they make, the block that is looked at, and the sum of all. */
+#define WRCD_BOGIE_STATE(F)                                                                        \
+    F(double, ratio, ) F(double, bias_pp, ) F(double, bias_sigma_pp, ) F(double, incoherence, /* of the own */) F(double, free, [WRCD_FIT_UNKNOWNS] /* of any vehicle */) \
+    F(int32_t, verdict, ) F(int32_t, is_reverse, )                                                 \
+    F(int64_t, ticks, ) F(int64_t, newest_tick, ) F(double, ring, [WRCD_FIT_RING][WRCD_FIT_SIGNALS]) \
+    F(double, newest, [WRCD_FIT_SIGNALS]) F(double, highpass, [8]) F(double, zero, [2]) F(double, zeros, ) \
+    F(double, sum, [2][WRCD_FIT_BINS][2][WRCD_FIT_SIGNALS]) F(double, turning, [2][4][2]) F(double, high, [2][2][2]) \
+    F(double, speed, [2]) F(double, slowest, [2]) F(double, fastest, [2]) F(int32_t, missing, [2][WRCD_FIT_SIGNALS]) \
+    F(int32_t, delay, [2]) F(int32_t, is_spoiled, [2])                                             \
+    F(double, block, [WRCD_FIT_BINS][16]) F(double, block_m_s, ) F(double, block_first_m_s, ) F(int64_t, block_stretches, ) \
+    F(double, cross, [WRCD_FIT_BINS][16]) F(double, of_speed_m_s, ) F(double, of_stretches, )      \
+    F(double, powers, [WRCD_FIT_BINS][2]) F(double, expected, [WRCD_FIT_BINS][2]) F(double, of_block, [3]) \
+    F(double, best_of_block, [3]) F(double, step, [3]) F(double, best, ) F(double, objective, ) F(double, misfit, ) \
+    F(double, gradient, [WRCD_FIT_UNKNOWNS + 3]) F(double, fisher, [WRCD_FIT_UNKNOWNS + 3][WRCD_FIT_UNKNOWNS + 3]) \
+    F(int32_t, pass, /* 0: none is looked at */) F(int32_t, bin, ) F(int32_t, again, ) F(int32_t, is_of_another, ) \
+    F(double, at, [WRCD_FIT_UNKNOWNS] /* that it is looked at with */) F(double, incoherent, [2] /* logs, of looks at the own and another one */) \
+    F(double, looks, [2]) F(double, of_another, /* log, of the block */) \
+    F(double, information, [WRCD_FIT_UNKNOWNS][WRCD_FIT_UNKNOWNS]) F(double, score, [WRCD_FIT_UNKNOWNS]) \
+    F(double, unknowns, [WRCD_FIT_UNKNOWNS] /* of a vehicle like the design's */) F(double, weight, /* stretches */)
 
 /* A frame that was made: of the slot that begins at its stamp; report: its axle's place among the reports, -1: none. */
 #define WRCD_MADE(F)                                                                               \
@@ -206,6 +243,8 @@ typedef struct { WRCD_TOLD_FIELD(WRCD_DECLARE) } wrcd_told_field;
 typedef struct { WRCD_SETTINGS(WRCD_DECLARE) } wrcd_settings;
 typedef struct { WRCD_AXLE_STANDING(WRCD_DECLARE) } wrcd_axle_state;
 typedef struct { WRCD_CORE_STATE(WRCD_DECLARE) } wrcd_core_state;
+typedef struct { WRCD_FIT_TABLE(WRCD_DECLARE) } wrcd_fit_table;
+typedef struct { WRCD_BOGIE_STATE(WRCD_DECLARE) } wrcd_bogie_state;
 typedef struct { WRCD_MADE(WRCD_DECLARE) } wrcd_made;
 typedef struct { WRCD_REPORT(WRCD_DECLARE) wrcd_adhesion estimate; } wrcd_report;
 typedef struct { WRCD_EVENT(WRCD_DECLARE) } wrcd_event;
@@ -225,12 +264,14 @@ typedef struct {
     const int32_t *rule;         /* statuses of inputs, and those that a message tells */
     const wrcd_sent *sent;       /* of a kind by axles: adhesion, detail, inputs; then the daemon's */
     const wrcd_told_field *told;
+    const wrcd_fit_table *fit;
     const wrcd_design *design;
     wrcd_core_state *core;
     wrcd_message_state *message_state;
     wrcd_input_state *input_state;
     wrcd_status_state *status_state;
     wrcd_axle_state *axle;
+    wrcd_bogie_state *bogie;
     wrcd_estimator *estimator;
     wrcd_result *result; /* of the newest tick */
 } wrcd_train;

@@ -10,6 +10,7 @@ from wrcd.bus.units import Quantity
 from wrcd.core.causes import OF_ESTIMATE, OF_PAIR, OF_RIDE, Cause, Validity
 from wrcd.core.coarse_sensors import cost_of_step
 from wrcd.core.configuration import Config
+from wrcd.core.design_fit import UNSURE, DesignFit
 from wrcd.dbc.bus_check.input_figures import Gathered, SignalFigures
 from wrcd.dbc.bus_check.signs import Fit
 from wrcd.logs.story_records import Spells
@@ -149,12 +150,12 @@ HEAD = (
 
 def page(
     config: Config, gathered: Gathered, found: Sequence[SignalFigures], fits: Sequence[Fit],
-    spells: Mapping[int, Spells], findings: Sequence[BusFinding],
+    spells: Mapping[int, Spells], findings: Sequence[BusFinding], bogies: Sequence[DesignFit],
 ) -> list[str]:  # fmt: skip
     """Lines."""
     stops = [f for f in findings if f.stops]
     number = len(stops)
-    out = [f"{number} finding{'s' * (number > 1)} would stop Valid or make it wrong" if stops else _fine(fits)]
+    out = [f"{number} finding{'s' * (number > 1)} would stop Valid or make it wrong" if stops else _fine(fits, bogies)]
     out += [f"  {f.where}: {f.text}" for f in stops]
     looks = [f for f in findings if not f.stops]
     if looks:
@@ -173,18 +174,30 @@ def page(
     for axle in (a for a in config.axles if any(f.frames and f.axles == (a.number,) for f in found)):
         out.append(f"  axle {axle.number}: {_lasted(spells[axle.number])}")
     name = config.design.wheelset.get("name", config.design.name)
-    out.append(f"wheelset  the design is for {name!r}; whether the train has it, the signals cannot tell")
-    return out
+    if not bogies:
+        out.append(f"wheelset  the design is for {name!r}; whether the train has it, the signals cannot tell")
+        return out
+    return [*out, f"wheelset  the design is for {name!r}", *(f"  {b.sentence}" for b in bogies)]
 
 
-def _fine(fits: Sequence[Fit]) -> str:
+def design_findings(bogies: Sequence[DesignFit]) -> list[BusFinding]:
+    """Bogies that are not, or not surely, the design's."""
+    hint = "make one for it: `sim-ecu calibrate`, then `sim-ecu design`"
+    found = [b for b in bogies if b.word in ("Unlike", "Unsure")]
+    return [
+        BusFinding(b.word == "Unlike", "wheelset", f"{b.sentence}; {hint}" if b.ratio >= UNSURE else b.sentence)
+        for b in found
+    ]
+
+
+def _fine(fits: Sequence[Fit], bogies: Sequence[DesignFit]) -> str:
     """The verdict where nothing stops Valid, with what could not be seen."""
     unseen = sum(f.fits is None for f in fits)
     signs = [f"{unseen} of {len(fits)} signs"] if unseen else [] if fits else ["any sign"]
-    return (
-        "fine in what the signals tell: nothing would stop Valid. "
-        f"They do not tell {' and '.join([*signs, 'whether the vehicle is that of the design'])}"
-    )
+    vehicle = [] if bogies and all(b.word == "Like" for b in bogies) else ["whether the vehicle is that of the design"]
+    unknown = [*signs, *vehicle]
+    but = f". They do not tell {' and '.join(unknown)}" if unknown else ""
+    return f"fine in what the signals tell: nothing would stop Valid{but}"
 
 
 def nothing(config: Config, gathered: Gathered) -> list[str]:
