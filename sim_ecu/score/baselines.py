@@ -1,5 +1,6 @@
 """Other ways to the same figure, on the same ticks as wrcd: the torque ratio, and other designs."""
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -87,11 +88,14 @@ class Beside:
         return out
 
 
+ALIKE = 0.02  # by how much load and radius may differ: a calibration finds them within that
+
+
 def fitting(name: str, other: Design, design: Design) -> None:
     """Raises InputError where a design cannot run on the ticks that are made for another."""
     for key in ("tick_s", "normal_N", "r_0"):
         ours, theirs = getattr(design, key), getattr(other, key)
-        if ours != theirs:
+        if not math.isclose(ours, theirs, rel_tol=0.0 if key == "tick_s" else ALIKE):
             raise InputError(
                 f"has {key} = {theirs:g}, the design that is scored {ours:g}",
                 key=f"--beside {name}",

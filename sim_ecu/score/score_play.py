@@ -14,6 +14,7 @@ from sim_ecu.play.encoder import Sent, databases
 from sim_ecu.play.mapped import Train
 from sim_ecu.play.play import LOG_START_US
 from sim_ecu.play.player import LARGE_CHUNK, Player
+from sim_ecu.play.scenario import Scenario
 from sim_ecu.play.train import PACKAGED
 from sim_ecu.score.baselines import Baseline, GivenTicks
 from sim_ecu.score.suites.run import Run
@@ -139,6 +140,10 @@ class Listener:
         self._kept = TrainFrames([a.number for a in run.scenario.axles], config)
         self._half_widths: dict[int, FloatArray] = {}
 
+    def knows(self, calm: Core) -> None:
+        """Know of every bogie what a core knows of its first one."""
+        self._core.take_design_fit(calm)
+
     def hear(self, frames: Sequence[Sent]) -> None:
         """Take frames of the rig."""
         for f in frames:
@@ -171,6 +176,9 @@ def play(
     recording = TickRecorder(config) if baselines else None
     ours, others = Listener(run, config, recording), {name: Listener(run, other) for name, other in beside}
     listeners = [ours, *others.values()]
+    if run.before is not None:
+        for listener, of in zip(listeners, (config, *(other for _, other in beside)), strict=True):
+            listener.knows(_after(run.before, run.group, of, train))
     samples = iter(Player(run.scenario, chunk=LARGE_CHUNK, train=train))
     while chunk := list(islice(samples, LARGE_CHUNK)):
         frames = [f for _, of_sample in chunk for f in of_sample]
@@ -183,6 +191,20 @@ def play(
     if recording is not None and recording.ticks:
         _estimate(traces, recording.all(), baselines)
     return traces
+
+
+_AFTER: dict[tuple[str, str], Core] = {}  # by a run's group and a design's checksum
+
+
+def _after(before: Scenario, group: str, config: Config, train: Train) -> Core:
+    """A core that has heard a scenario. Those of one group are alike."""
+    core = _AFTER.get((group, config.design.checksum))
+    if core is None:
+        core = _AFTER[group, config.design.checksum] = Core(config)
+        core.muted = True
+        for _, of_sample in Player(before, chunk=LARGE_CHUNK, train=train):
+            core.feed([_stamped(f) for f in of_sample])
+    return core
 
 
 def _estimate(traces: Sequence[Trace], ticks: GivenTicks, baselines: dict[str, Baseline]) -> None:

@@ -1,6 +1,7 @@
 """A recorded log through the daemon's core: what it was worth, what was wrong, and the adhesion along the way."""
 
 import json
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ from sim_ecu.campaign.kind import Factor, Kind, Scalar
 from sim_ecu.campaign.kinds.given import named_by
 from wrcd.config.config import load_config
 from wrcd.core.causes import OF_ARRIVAL, OF_SENDER, OF_SENSOR, RESERVED, Cause, Validity
-from wrcd.core.vocabulary import SURFACES, snake
+from wrcd.core.vocabulary import FITS, SURFACES, snake
 from wrcd.errors import InputError
 from wrcd.logs.mapped_inputs import MAX_HOLD_US
 from wrcd.logs.story import gather
@@ -32,7 +33,7 @@ FIGURES = {
     **dict.fromkeys(("read", "accepted", "refused", "restarts", "clock_steps"), int),
     "whole": bool, "suspects": int, "worst_s": float,
     **{f"{of}_{c}": float for of in ("km", "hours") for c in CLASSES},
-    **dict.fromkeys(CAUSES.values(), float), "detail": str,
+    **dict.fromkeys(CAUSES.values(), float), "design_fit": str, "conicity": float, "detail": str,
 }  # fmt: skip
 
 
@@ -63,8 +64,20 @@ def figures(inputs: Mapping[str, Any]) -> Mapping[str, Scalar]:
         "worst_s": max((s["seconds"] for s in suspects), default=0.0),
         **{name: sum(p[name] for p in parts) / seconds for name in (*SHARES.values(), *CAUSES.values())},
         **{name: sum(p[name] for p in parts) for c in CLASSES for name in (f"km_{c}", f"hours_{c}")},
-        "detail": json.dumps(detail, separators=(",", ":")),
+        **_fit(story), "detail": json.dumps(detail, separators=(",", ":")),
     }  # fmt: skip
+
+
+def _fit(story: Story) -> dict[str, Any]:
+    """Whether the design is the train's, of all bogies the worst; the mean of the conicities that are known. Of another
+    vehicle than the design's it is known badly."""
+    words = [fit.word for fit in story.design_fits]
+    known = [fit.times["gamma"] for fit in story.design_fits if fit.word in ("Like", "Unsure")]
+    of_design = float(story.config.design.wheelset["gamma"])
+    return {
+        "design_fit": max(words, key=FITS.index, default=FITS[0]),
+        "conicity": of_design * float(np.mean(known)) if known else math.nan,
+    }
 
 
 def _part(story: Story, axle: StoryAxle) -> dict[str, Any]:

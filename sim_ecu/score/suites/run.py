@@ -34,6 +34,7 @@ class Run:
 
     group: the variant within the suite. number: of the conditions; a run of another group, or of the grid, with the
     same number has the same seeds, speed, rails and torques. curves: of each axle. changes_s: when the rail changes.
+    before: what both wheelsets of a bogie of such a train ran through, so that the daemon knows of the design's fit.
     """
 
     suite: str
@@ -43,6 +44,7 @@ class Run:
     curves: tuple[str, ...]
     judged_from_s: float = NOMINAL_FROM_S
     changes_s: tuple[float, ...] = ()
+    before: Scenario | None = None
 
 
 @dataclass(frozen=True, slots=True)
