@@ -451,6 +451,7 @@ def test_figures_of_the_score_stand_elsewhere_as_they_are_there() -> None:
         ("Valid and wrong", "its own vehicle", 5),
         ("Valid and wrong, sensors shaken", "sampled inside, shaken", 5),
         ("its own interval holds the truth, in another vehicle's bogie", "vehicle: another one's bogie", 3),
+        ("… after minutes of calm running", "… after minutes of calm running", 3),
     ):
         said, scored = (re.findall(r"\d+(?:\.\d+)?", cell) for cell in (readme[figure], world[name][column]))
         rounded = [f"{float(b):.{len(a.partition('.')[2])}f}" for a, b in zip(said, scored, strict=True)]
