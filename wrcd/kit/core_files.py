@@ -100,11 +100,12 @@ def operations(design: Design, axles: int) -> Mapping[str, str]:
     asked = 9 * 60 + INPUTS * rules + 2**INPUTS * 2 * (COLUMNS + 1) + 2 * COLUMNS
     hidden = 0 if design.health is None else len(design.health.hidden_bias)
     matrices = 2 * MODELS * (2 * (s * s + 4 * s + 4) + 4 * (s + 2))
-    # of a bogie two stretches' spectra; of a bin 19 responses, 34 derivatives, their products; what the sum answers
-    bogies = axles // 2 if fit_members(design)["ticks"] else 0
-    usual = bank + axles * (bank + filters + (pair if hidden else 0)) + bogies * 2 * 26 * 4 * 2
+    fit = fit_members(design)
+    bogies, bins, n = (axles // 2, len(fit["basis"]) // 3, len(fit["own_sigma"])) if fit["ticks"] else (0, 0, 0)
+    usual = bank + axles * (bank + filters + (pair if hidden else 0)) + 2 * 4 * 2 * bins * bogies
     most = usual + matrices + axles * (bank + 2 * 2 * asked + (PAIR_FEATURES + len(PairState)) * hidden)
-    most += bogies * (19 * 4 * 212 + 34 * 4 * 128 + 34 * 34 // 2 * 16 + 2 * 29**3 // 3 + 5 * 31 * 31)
+    # of a bin 19 responses, the derivatives by all, their products; of a block what the sum answers
+    most += bogies * (19 * 4 * 212 + (n + 5) * 4 * 128 + (n + 5) ** 2 // 2 * 16 + 2 * n**3 // 3 + 5 * (n + 2) ** 2)
     return {"USUAL": f"{math.ceil(usual / 100)}00", "MOST": f"{math.ceil(most / 100)}00"}
 
 
