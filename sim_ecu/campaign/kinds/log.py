@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,8 @@ from sim_ecu.campaign.kind import Factor, Kind, Scalar
 from sim_ecu.campaign.kinds.given import named_by
 from wrcd.config.config import load_config
 from wrcd.core.causes import OF_ARRIVAL, OF_SENDER, OF_SENSOR, RESERVED, Cause, Validity
+from wrcd.core.design import Design
+from wrcd.core.design_fit import DesignFit
 from wrcd.core.vocabulary import FITS, SURFACES, snake
 from wrcd.errors import InputError
 from wrcd.logs.mapped_inputs import MAX_HOLD_US
@@ -64,19 +66,17 @@ def figures(inputs: Mapping[str, Any]) -> Mapping[str, Scalar]:
         "worst_s": max((s["seconds"] for s in suspects), default=0.0),
         **{name: sum(p[name] for p in parts) / seconds for name in (*SHARES.values(), *CAUSES.values())},
         **{name: sum(p[name] for p in parts) for c in CLASSES for name in (f"km_{c}", f"hours_{c}")},
-        **_fit(story), "detail": json.dumps(detail, separators=(",", ":")),
+        **of_design(story.design_fits, config.design), "detail": json.dumps(detail, separators=(",", ":")),
     }  # fmt: skip
 
 
-def _fit(story: Story) -> dict[str, Any]:
+def of_design(fits: Sequence[DesignFit], design: Design) -> dict[str, Any]:
     """Whether the design is the train's, of all bogies the worst; the mean of the conicities that are known. Of another
     vehicle than the design's it is known badly."""
-    words = [fit.word for fit in story.design_fits]
-    known = [fit.times["gamma"] for fit in story.design_fits if fit.word in ("Like", "Unsure")]
-    of_design = float(story.config.design.wheelset["gamma"])
+    known = [fit.times["gamma"] for fit in fits if fit.word in ("Like", "Unsure")]
     return {
-        "design_fit": max(words, key=FITS.index, default=FITS[0]),
-        "conicity": of_design * float(np.mean(known)) if known else math.nan,
+        "design_fit": max((fit.word for fit in fits), key=FITS.index, default=FITS[0]),
+        "conicity": float(design.wheelset["gamma"] * np.mean(known)) if known else math.nan,
     }
 
 

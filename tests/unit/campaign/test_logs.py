@@ -12,11 +12,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from sim_ecu.campaign.kinds.log import CAUSES, CLASSES, FIGURES, figures
+from sim_ecu.campaign.kinds.log import CAUSES, CLASSES, FIGURES, figures, of_design
 from sim_ecu.cli.main import main
 from tests.support.can_ids import VEHICLE_SPEED
 from tests.support.scenarios import LogOf
 from wrcd.cli.main import main as wrcd
+from wrcd.config.config import load_config
+from wrcd.core.design_fit import DesignFit
 from wrcd.errors import InputError, Status
 
 SPEED_M_S, SECONDS = 25.0, 6.0
@@ -87,6 +89,21 @@ def test_shares_are_those_of_the_rows_of_a_replay(sound: Path, judged: Judged, t
 
 def test_figures_are_those_that_are_declared(judged: Judged) -> None:
     assert {name: type(value) for name, value in judged[0].items()} == FIGURES
+
+
+@pytest.mark.parametrize(
+    ("words", "said", "conicity"), [(["Unknown"], "Unknown", 0.0), (["Like", "Unknown"], "Like", 1.2),
+                                    (["Like", "Unsure"], "Unsure", 1.3), (["Unlike", "Like"], "Unlike", 1.4)]
+)  # fmt: skip
+def test_conicity_is_that_of_the_bogies_that_are_not_unlike(words: list[str], said: str, conicity: float) -> None:
+    fits = [
+        DesignFit((1, 2), word, 5.0, 30.0, 0.0, 0.1, 0.05, {"gamma": 1.2 + 0.2 * k}) for k, word in enumerate(words)
+    ]
+    config = load_config(None)
+    found = of_design(fits, config.design)
+    assert found["design_fit"] == said
+    expected = conicity * config.design.wheelset["gamma"] if conicity else np.nan
+    assert found["conicity"] == pytest.approx(expected, nan_ok=True)
 
 
 def test_way_is_the_trains(judged: Judged) -> None:

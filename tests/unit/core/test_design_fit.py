@@ -317,6 +317,12 @@ def test_sentence_is_for_a_person(stiff: Played) -> None:
     assert fit.sentence.endswith(f"adhesion is about {-fit.bias_pp:.1f} points too low here")
 
 
+def test_core_that_takes_over_what_another_knows_says_the_same_of_every_bogie(stiff: Played) -> None:
+    core, (fit,) = Core(load_packaged(4)), stiff.core.design_fits
+    core.take_design_fit(stiff.core)
+    assert [(f.word, f.ratio, f.bias_pp) for f in core.design_fits] == [(fit.word, fit.ratio, fit.bias_pp)] * 2
+
+
 def test_design_of_a_lone_wheelset_says_nothing() -> None:
     core = Core(load_packaged(2, "lone-wheelset"))
     assert core.design_fits == ()

@@ -8,6 +8,7 @@ import pytest
 
 from sim_ecu import resources as rig
 from sim_ecu.design.brief import load_source
+from sim_ecu.play.vehicles import load_vehicle
 from sim_ecu.reporting.table import markdown
 from sim_ecu.reporting.values import MET, MISSED, Figure
 from sim_ecu.score.baselines import PAPER
@@ -57,6 +58,23 @@ def test_every_world_has_its_runs_on_seeds_of_the_lot() -> None:
         assert all(len({r.number for r in runs if r.group == w.name}) == TABLE_RUNS for w in SWEPT)
         assert all(lot.first_seed <= a.seed < lot.first_seed + lot.seeds for r in runs for a in r.scenario.axles)
     assert len({w.name for w in EVERY}) == len(EVERY)
+
+
+def test_world_after_calm_running_plays_the_runs_of_the_one_before_it() -> None:
+    (after,) = (w for w in WORLDS if w.known)
+    runs = list(worlds(SOURCE, 0.2))
+    own, before = ([r for r in runs if r.group == name] for name in (after.name, after.known))
+    assert len(own) == round(0.2 * WORLD_RUNS)
+    said = [[(r.number, r.curves, [a.seed for a in r.scenario.axles]) for r in of] for of in (own, before)]
+    assert said[0] == said[1]
+    assert [r.before for r in runs if r.group != after.name] == [None] * (len(runs) - len(own))
+    calm = own[0].before
+    assert calm is not None
+    assert calm.duration_s == 360.0
+    leading, trailing = calm.axles
+    apart = load_vehicle("high-speed-coach").bogie
+    assert apart is not None
+    assert (leading.position_m - trailing.position_m, leading.runs_on) == (apart.wheelbase_m, trailing.runs_on)
 
 
 def test_row_of_a_world_has_both_designs() -> None:
