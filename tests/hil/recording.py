@@ -34,6 +34,8 @@ END_US = 1 << 62
 # before may leave after it. No pause is longer than the other.
 JUMP_US, PAUSE_US = 300_000, 60_000_000
 SETTLED_US = 10_000  # half of Adhesion's cycle: one turn of a loop
+COUNTER_TURN = 15  # slots with another counter each
+HELD_UP_TURNS = 10  # of a counter, 3 s of Adhesion's: so long may a loop stand still that is about to send
 # a message's id, the number of the cycle that a frame was made for, how often the clock was set before
 Slot = tuple[int, int, int]
 
@@ -47,7 +49,7 @@ def played(name: str) -> list[Frame]:
 def slot_of(f: Frame, cycle_us: int = 20_000) -> int:
     """The cycle that a protected frame was made for: its counter tells, should it have left late."""
     ahead = f.stamp_us // cycle_us + 1  # a daemon that stops is one ahead
-    return ahead - (ahead - (f.data[1] & 0x0F)) % 15
+    return ahead - (ahead - (f.data[1] & 0x0F)) % COUNTER_TURN
 
 
 def validity(f: Frame) -> int:
@@ -121,8 +123,17 @@ class Episode:
     @cached_property
     def sent(self) -> list[tuple[Slot, Frame]]:
         """The daemon's frames but for the last of each message, which say that it stops."""
-        every = [((f.can_id, self.slot_of(f), times), f) for times, f in self.times_set(self.frames) if self.is_own(f)]
+        every = [(self._made_for(f, times), f) for times, f in self.times_set(self.frames) if self.is_own(f)]
         return every[: -len(self.last)]
+
+    def _made_for(self, f: Frame, times: int) -> Slot:
+        """The slot of a frame of the daemon's. Where the loop stood still between its look at the clock and the line,
+        for longer than a counter's turn, it is the slot of a turn before of which a core makes these bytes."""
+        newest = (f.can_id, self.slot_of(f), times)
+        if not self._protected or f.can_id in OF_ITSELF or self.replayed.data.get(newest) == f.data:
+            return newest
+        before = ((f.can_id, newest[1] - COUNTER_TURN * k, times) for k in range(1, HELD_UP_TURNS + 1))
+        return next((slot for slot in before if self.replayed.data.get(slot) == f.data), newest)
 
     @cached_property
     def last(self) -> list[Frame]:
@@ -140,7 +151,7 @@ class Episode:
         out = []
         for (can_id, slot, times), f in self.sent:
             before = newest.get((can_id, times - 1), slot)
-            of_before = (can_id, before + 1 + (slot - before - 1) % 15, times - 1)
+            of_before = (can_id, before + 1 + (slot - before - 1) % COUNTER_TURN, times - 1)
             if f.stamp_us - since_us.setdefault(times, f.stamp_us) <= SETTLED_US:
                 continue
             if times not in begun and (can_id in OF_ITSELF or self.replayed.data.get(of_before) == f.data):
@@ -230,7 +241,7 @@ class Replayed:
     def _closed(self, episode: Episode, f: Frame, next_us: int) -> list[Outgoing]:
         cycle_us = episode.cycles_us[f.key]
         until_us = episode.slot_of(f) * cycle_us
-        if cycle_us != min(episode.cycles_us.values()) or max(until_us, next_us) - self.core.newest_us <= SILENT_US:
+        if cycle_us >= JUMP_US or max(until_us, next_us) - self.core.newest_us <= SILENT_US:
             return []
         since_us = self.core.time_us or until_us
         if 0 < since_us - until_us < JUMP_US:
