@@ -171,9 +171,9 @@ SUSPENSION = (
     Measure("secondary_spring_lateral_N_m", "across it", 1.0, 1e12, unit="N/m"),
     Measure("secondary_spring_spacing_m", "from the left spring to the right one", 0.1, 5.0, unit="m"),
     Measure("lateral_damper_N_s_m", "rate of one of the bogie's", 0.0, 1e12, unit="N s/m"),
-    Measure("lateral_dampers", "how many the bogie has", 1.0, 8.0, 2.0),
+    Whole("lateral_dampers", "how many the bogie has", 1, 8, 2),
     Measure("yaw_damper_N_s_m", "rate of one of the bogie's", 0.0, 1e12, unit="N s/m"),
-    Measure("yaw_dampers", "how many the bogie has", 1.0, 8.0, 2.0),
+    Whole("yaw_dampers", "how many the bogie has", 1, 8, 2),
     Measure("yaw_damper_spacing_m", "from the left one to the right one", 0.1, 5.0, unit="m"),
 )
 

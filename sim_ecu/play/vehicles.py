@@ -91,20 +91,29 @@ def read_intervals(top: Section) -> dict[str, tuple[float, float]]:
 
 
 def read_origin(top: Section) -> dict[str, Any]:
-    """[origin]: date, logs and stretches that constants were found from; empty where there is none."""
+    """[origin], or that of the file that `vehicle` names: date, logs and stretches that constants were found from; empty
+    where there is none."""
     s = top.section("origin")
     found = {key.name: s.raw(key.name) if isinstance(key, keys.Other) else key.read(s) for key in keys.ORIGIN}
     if not isinstance(found["logs"], list | None):
         raise s.error("takes a list", "logs", "`sim-ecu calibrate` writes it")
     s.done()
-    return {name: value for name, value in found.items() if value is not None}
+    given = {name: value for name, value in found.items() if value is not None}
+    vehicle = top.raw("vehicle")
+    if given or not isinstance(vehicle, str) or not vehicle.endswith(".toml"):
+        return given
+    return read_origin(read_toml(_beside(top, vehicle)))
+
+
+def _beside(top: Section, name: str) -> Path:
+    return Path(top.file).parent / name
 
 
 def _named(top: Section, name: str) -> Wheelset:
     """The packaged vehicle of a name, or that of a file beside this one, which names no other file."""
     known = packaged_vehicles()
     if name.endswith(".toml"):
-        path = Path(top.file).parent / name
+        path = _beside(top, name)
         if str(read_toml(path).raw("vehicle")).endswith(".toml"):
             raise top.error(f"{name} names another file", "vehicle", "name that one")
         return load_vehicle(str(path))

@@ -31,11 +31,11 @@ def read_known(top: Section) -> KnownVehicle:
     """Read known.toml. Raises InputError for a lone wheelset, and where wheelbase, radius or load are missing."""
     named = isinstance(top.raw("vehicle"), str)
     own, held = top.section("wheelset"), None if named else top.section("vehicle")
-    load_kg = own.maybe("M_v", float)
     if held is not None:
-        _require(own, held, load_kg)
+        _require(own, held)
+    load_kg = own.maybe("M_v", float)
     given = [*own, *(held or ()), *read_suspension(top)]
-    if load_kg is not None:
+    if "M_v" in own:
         own.pop("M_v", "", "")
     wheelset = read_vehicle(top)
     if wheelset.bogie is None:
@@ -56,7 +56,7 @@ def read_known(top: Section) -> KnownVehicle:
 
 
 # from … to, what trains have; beyond it is a mistake of the unit
-USUAL = {"r_0": (0.2, 0.8), "M_v": (1500.0, 25_000.0), "semi_wheelbase_m": (0.6, 2.5)}
+USUAL = {"r_0": (0.2, 0.65), "M_v": (1500.0, 25_000.0), "semi_wheelbase_m": (0.6, 2.5)}
 
 
 def _check_usual(top: Section, w: Wheelset) -> None:
@@ -77,14 +77,14 @@ def _intervals(top: Section, w: Wheelset, given: Collection[str]) -> Mapping[str
     return intervals
 
 
-def _require(own: Section, held: Section, load_kg: float | None) -> None:
+def _require(own: Section, held: Section) -> None:
     if "semi_wheelbase_m" not in held:
         raise held.error("is missing", "semi_wheelbase_m", "half of the way from axle to axle is needed")
     if "r_0" not in own:
         raise own.error("is missing", "r_0", "the wheels' radius in m is needed")
-    if (load_kg is None) == ("body_mass_kg" not in held):
+    if ("M_v" in own) == ("body_mass_kg" in held):
         hint = "the load of a wheelset is needed: give it, in kg, or body_mass_kg of [vehicle]"
-        raise own.error("is missing" if load_kg is None else "and body_mass_kg are both there", "M_v", hint)
+        raise own.error("and body_mass_kg are both there" if "M_v" in own else "is missing", "M_v", hint)
 
 
 def _loaded(own: Section, w: Wheelset, load_kg: float) -> Wheelset:

@@ -23,7 +23,7 @@ from sim_ecu.play.scenario import Course, load_scenario
 from sim_ecu.play.vehicles import load_vehicle, read_intervals, vehicle_path
 from tests.support.ordinary_running import ordinary_running
 from wrcd.config.config import load_config
-from wrcd.config.settings import parse_toml, read_toml
+from wrcd.config.settings import parse_toml, read_toml, read_whole
 from wrcd.errors import InputError, Status
 from wrcd.fit.stretches import BogieSignals
 
@@ -154,6 +154,8 @@ def test_command_writes_a_vehicle_that_design_and_scenarios_take(
         'vehicle = "mine.toml"\nrail = [{ curve = "A" }]\ndrive = { utilisation = 0.3 }\nduration_s = 1\n'
     )
     assert load_scenario(str(folder / "mine-runs.toml")).wheelset == mine
+    (folder / "brief.toml").write_text('vehicle = "mine.toml"\n')
+    assert read_brief(read_toml(folder / "brief.toml")).origin["stretches"] > 0
     text = (folder / "mine.toml").read_text()
     assert re.search(r'logs = \["ride.log sha256 [0-9a-f]{64}"\]\nstretches = \d+\n', text)
     page = (folder / "fit.html").read_text()
@@ -239,7 +241,7 @@ def test_what_is_not_known_well_enough_is_said_with_what_to_record(found: Calibr
         (KNOWN.replace("1.25", "1.25\nbody_mass_kg = 2e4"), "wheelset.M_v: and body_mass_kg are both there"),
         (KNOWN + "conicity = 0.1\n", "wheelset.conicity: unknown key"),
         ('vehicle = "metro"\n', "vehicle: is a lone wheelset"),
-        (KNOWN.replace("r_0 = 0.5", "r_0 = 500"), "wheelset.r_0: is 500, of trains from 0.2 to 0.8"),
+        (KNOWN.replace("r_0 = 0.5", "r_0 = 0.9"), "wheelset.r_0: is 0.9, of trains from 0.2 to 0.65"),
         (KNOWN.replace("15000", "141300"), "wheelset.M_v: is 141300, of trains from 1500 to 25000"),
         (KNOWN + "gamma = 0.5\n[interval]\ngamma = [0.1, 0.11]\n", "interval.gamma: does not hold the constant, 0.5"),
         (KNOWN + "[interval]\ngamma = [0.1, 0.2]\n", "interval.gamma: is of a constant that is not given"),
@@ -248,6 +250,12 @@ def test_what_is_not_known_well_enough_is_said_with_what_to_record(found: Calibr
 def test_known_file_that_does_not_do_is_refused(text: str, said: str) -> None:
     with pytest.raises(InputError, match=re.escape(said)):
         read_known(parse_toml(text, "known.toml"))
+
+
+def test_mistake_of_a_known_file_is_told_once(tmp_path: Path) -> None:
+    (tmp_path / "known.toml").write_text(KNOWN.replace("15000", '"15000"'))
+    with pytest.raises(InputError, match=r"M_v: takes a number, not '15000'$"):
+        read_whole(tmp_path / "known.toml", lambda top, _: read_known(top))
 
 
 def test_constant_that_is_known_is_a_prior_by_its_interval_or_within_a_tenth() -> None:

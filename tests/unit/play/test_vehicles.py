@@ -67,6 +67,7 @@ def test_suspension_says_how_a_constant_came_about() -> None:
             "[vehicle]\nprimary_lateral_N_m = 3e6\n[suspension]\nbush_lateral_N_m = 1e6",
             "suspension.bush_lateral_N_m: [vehicle] gives primary_lateral_N_m, too",
         ),
+        ("[suspension]\nyaw_dampers = 2.5", "suspension.yaw_dampers: takes a whole number, not 2.5"),
         ("[suspension]\nyaw_dampers = 2", "suspension.yaw_dampers: nothing needs it without yaw_damper_N_s_m"),
         (
             'vehicle = "metro"\n[suspension]\naxle_box_lateral_N_m = 1e6',
