@@ -189,13 +189,14 @@ def _watched(d: Design, lanes: Sequence[Lane], speed_m_s: FloatArray, mu_pct: ND
     ratio = np.concatenate([lane.ratio for lane in lanes], axis=1)
     ticks = Ticks(0, z, np.broadcast_to(there, z.shape), ratio, speed_m_s.tolist())
     stops = step_through(estimator, ticks.part(0, int(ends[-1]) + 1), ends[:-1].tolist(), resets=True)
-    seen, found = zip(*((estimator.features()[::2], estimator.estimate()) for _ in stops), strict=True)
+    sound = [2 * k for k, lane in enumerate(lanes) if not lane.state.any()][::SOUND_EACH]
+    asked = max(sound, default=0) + 1
+    seen, found = zip(*((estimator.features()[::2], estimator.estimate(asked)) for _ in stops), strict=True)
     features = np.array(seen)
     # a pair's own features of its newest span stay where it has too little data in another one
     known = np.diff(features[..., :PAIR_OWN], axis=0, prepend=np.nan).any(axis=-1)
     state = np.where(known, np.stack([lane.state for lane in lanes], axis=1)[ends], -1)
     state[:FIRST_SPAN] = -1
-    sound = [2 * k for k, lane in enumerate(lanes) if not lane.state.any()][::SOUND_EACH]
     mu, half_width, regime = (
         np.stack([getattr(e, name)[sound] for e in found]) for name in ("mu_available_pct", "half_width_pp", "regime")
     )

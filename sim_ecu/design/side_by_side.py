@@ -23,9 +23,10 @@ class SideBySide:
             z, present, ratio = ticks.z[..., at], ticks.present[..., at], ticks.torque_ratio[:, at]
             train.run(Ticks(ticks.number, z, present, ratio, ticks.speeds_m_s), first, end, resets)
 
-    def estimate(self) -> Estimate:
-        """The adhesion of every axle."""
-        found = [train.estimate() for train in self._trains]
+    def estimate(self, axles: int | None = None) -> Estimate:
+        """The adhesion of every axle, or at least of the first so many."""
+        trains = zip(self._places, self._trains, strict=True)
+        found = [train.estimate() for at, train in trains if axles is None or at.start < axles]
         return Estimate(*(np.concatenate([getattr(e, f.name) for e in found]) for f in fields(Estimate)))
 
     def torque_now(self) -> FloatArray:

@@ -43,6 +43,9 @@ DASK = {
     "distributed.worker.preload": [__name__],
     "distributed.deploy.lost-worker-timeout": "100 days",  # else one that is just starting anew then is given up
     "distributed.admin.large-graph-warning-threshold": "1TiB",  # recordings are large
+    # Workers keep what their arrays have freed: given back to the kernel it is cleared page by page again and again
+    "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": 1 << 30,
+    "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": 1 << 25,
 }
 
 
