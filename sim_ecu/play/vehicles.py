@@ -91,8 +91,8 @@ def read_intervals(top: Section) -> dict[str, tuple[float, float]]:
 
 
 def read_origin(top: Section) -> dict[str, Any]:
-    """[origin], or that of the file that `vehicle` names: date, logs and stretches that constants were found from; empty
-    where there is none."""
+    """[origin], or that of the file that `vehicle` names: date, logs and stretches that constants were found from;
+    empty where there is none."""
     s = top.section("origin")
     found = {key.name: s.raw(key.name) if isinstance(key, keys.Other) else key.read(s) for key in keys.ORIGIN}
     if not isinstance(found["logs"], list | None):

@@ -1,4 +1,4 @@
-"""The core's look at a bogie (wrcd/core/c/bogie.c, calm.c, likelihood.c, fit.c) against the model and the fit in numpy."""
+"""The core's look at a bogie (bogie.c, calm.c, likelihood.c, fit.c) against the model and the fit in numpy."""
 
 import numpy as np
 import pytest
