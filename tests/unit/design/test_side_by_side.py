@@ -12,7 +12,7 @@ from tests.support.stepped import tick_of
 from wrcd.core.design import load_design
 from wrcd.core.estimator import step_through
 from wrcd.core.records import Ticks
-from wrcd.core.terms import MODELS, SPAN_TICKS, PairState
+from wrcd.core.terms import MAX_AXLES, MODELS, SPAN_TICKS, PairState
 from wrcd.resources import DESIGN
 
 AXLES, TICKS = 11, 6 * SPAN_TICKS
@@ -36,6 +36,8 @@ def test_trains_side_by_side_say_what_an_oracle_of_all_axles_says() -> None:
         found, expected = trains.estimate(), one.estimate()
         for f in fields(found):
             assert getattr(found, f.name) == pytest.approx(getattr(expected, f.name), rel=1e-7, abs=1e-7, nan_ok=True)
+        few = trains.estimate(1).mu_available_pct
+        assert np.array_equal(few, found.mu_available_pct[:MAX_AXLES], equal_nan=True)
     blocks, now = np.arange(20, 20 + AXLES), trains.torque_now()
     assert now == pytest.approx(one.torque_now(), nan_ok=True)
     assert trains.inputs_of(blocks, now) == pytest.approx(one.inputs_of(blocks, now), abs=1e-7, nan_ok=True)
