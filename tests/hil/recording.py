@@ -123,16 +123,23 @@ class Episode:
     @cached_property
     def sent(self) -> list[tuple[Slot, Frame]]:
         """The daemon's frames but for the last of each message, which say that it stops."""
-        every = [(self._made_for(f, times), f) for times, f in self.times_set(self.frames) if self.is_own(f)]
+        every, left_us = list[tuple[Slot, Frame]](), dict[int, int]()  # when a message's newest frame left
+        for times, f in self.times_set(self.frames):
+            if self.is_own(f):
+                every.append((self._made_for(f, times, left_us.get(f.can_id, END_US)), f))
+                left_us[f.can_id] = f.stamp_us
         return every[: -len(self.last)]
 
-    def _made_for(self, f: Frame, times: int) -> Slot:
-        """The slot of a frame of the daemon's. Where the loop stood still between its look at the clock and the line,
-        for longer than a counter's turn, it is the slot of a turn before of which a core makes these bytes."""
+    def _made_for(self, f: Frame, times: int, before_us: int) -> Slot:
+        """The slot of a frame of the daemon's; before_us: when the one before it left. Where the loop stood still
+        between its look at the clock, in the slot, and the line, for longer than a counter's turn, it is the slot of a
+        turn before of which a core makes these bytes. Nothing has left since: a daemon that is always late does not
+        stand still."""
         newest = (f.can_id, self.slot_of(f), times)
         if not self._protected or f.can_id in OF_ITSELF or self.replayed.data.get(newest) == f.data:
             return newest
-        before = ((f.can_id, newest[1] - COUNTER_TURN * k, times) for k in range(1, HELD_UP_TURNS + 1))
+        turns = (newest[1] - COUNTER_TURN * k for k in range(1, HELD_UP_TURNS + 1))
+        before = ((f.can_id, n, times) for n in turns if before_us < (n + 1) * self.cycles_us[f.key])
         return next((slot for slot in before if self.replayed.data.get(slot) == f.data), newest)
 
     @cached_property
