@@ -56,7 +56,7 @@ def read_vehicle(top: Section) -> Wheelset:
     """The vehicle of a file, from `vehicle`, [vehicle], [suspension] and [wheelset]; [interval] and [origin] are
     checked. Raises InputError."""
     read_intervals(top)
-    read_origin(top)
+    _own_origin(top)
     given = top.raw("vehicle")
     if isinstance(given, str) or given is None:
         base = _named(top, DEFAULT_VEHICLE if given is None else given)
@@ -93,16 +93,19 @@ def read_intervals(top: Section) -> dict[str, tuple[float, float]]:
 def read_origin(top: Section) -> dict[str, Any]:
     """[origin], or that of the file that `vehicle` names: date, logs and stretches that constants were found from;
     empty where there is none."""
+    given, vehicle = _own_origin(top), top.raw("vehicle")
+    if given or not isinstance(vehicle, str) or not vehicle.endswith(".toml"):
+        return given
+    return _own_origin(read_toml(_beside(top, vehicle)))
+
+
+def _own_origin(top: Section) -> dict[str, Any]:
     s = top.section("origin")
     found = {key.name: s.raw(key.name) if isinstance(key, keys.Other) else key.read(s) for key in keys.ORIGIN}
     if not isinstance(found["logs"], list | None):
         raise s.error("takes a list", "logs", "`sim-ecu calibrate` writes it")
     s.done()
-    given = {name: value for name, value in found.items() if value is not None}
-    vehicle = top.raw("vehicle")
-    if given or not isinstance(vehicle, str) or not vehicle.endswith(".toml"):
-        return given
-    return read_origin(read_toml(_beside(top, vehicle)))
+    return {name: value for name, value in found.items() if value is not None}
 
 
 def _beside(top: Section, name: str) -> Path:

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import asdict
+from pathlib import Path
 
 import pytest
 
@@ -78,3 +79,9 @@ def test_suspension_says_how_a_constant_came_about() -> None:
 def test_suspension_that_does_not_fit_is_refused_with_its_key(text: str, said: str) -> None:
     with pytest.raises(InputError, match=re.escape(said)):
         read_vehicle(parse_toml(text, "parts.toml"))
+
+
+def test_vehicle_file_that_names_itself_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text('vehicle = "mine.toml"\n')
+    with pytest.raises(InputError, match=r"mine.toml:1: vehicle: mine.toml names another file"):
+        read_brief(read_toml(tmp_path / "mine.toml"))
