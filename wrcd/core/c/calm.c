@@ -4,7 +4,8 @@
  * track. The limits in the table are those of wrcd/fit/stretches.py, which looks at whole logs. */
 #include "fit.h"
 
-enum { QUARTERS = 4, RING = WRCD_FIT_RING, MIN_STRETCHES = 2 /* of a block */ };
+enum { QUARTERS = 4, RING = WRCD_FIT_RING };
+static const double MIN_STRETCHES = 2.0; /* of a block */
 enum { MOST, MEAN }; /* of a high-passed acceleration's size */
 static const double MEAN_SIZE = 0.7979; /* over the standard deviation */
 /* The gyros' zeros are medians of all stretches, which most of the time are straight: followed by steps (rad/s), from 0 on,
@@ -31,9 +32,9 @@ static bool is_straight(const wrcd_fit_table *f, const wrcd_bogie_state *b, int 
 
     for (int q = 0; q < QUARTERS; q++) {
         const double both = b->turning[s][q][0] + b->turning[s][q][1];
-        const double yaw = 0.5 * (QUARTERS * both / f->ticks - b->zero[0] - b->zero[1]);
+        const double yaw = 0.5 * ((double)QUARTERS * both / f->ticks - b->zero[0] - b->zero[1]);
         most = fmax(most, fabs(yaw));
-        whole += yaw / QUARTERS;
+        whole += yaw / (double)QUARTERS;
     }
     return most <= 2.0 * f->straight_1_m * speed_m_s && fabs(whole) <= f->straight_1_m * speed_m_s;
 }
@@ -121,8 +122,8 @@ static void begin_stretch(const wrcd_fit_table *f, wrcd_bogie_state *b, int s, d
     memset(b->turning[s], 0, sizeof b->turning[s]);
     memset(b->high[s], 0, sizeof b->high[s]);
     memset(b->missing[s], 0, sizeof b->missing[s]);
-    b->delay[s] = delay < RING ? (int32_t)delay : 0;
-    b->is_spoiled[s] = speed_m_s < f->least_speed_m_s || delay >= RING || (double)b->ticks < delay;
+    b->delay[s] = delay < (double)RING ? (int32_t)delay : 0;
+    b->is_spoiled[s] = speed_m_s < f->least_speed_m_s || delay >= (double)RING || (double)b->ticks < delay;
     b->speed[s] = 0.0;
     b->slowest[s] = b->fastest[s] = speed_m_s;
 }
