@@ -34,8 +34,8 @@ from sim_ecu.loop.rig_messages import rig_message
 from sim_ecu.physics.actuators import Valve
 from sim_ecu.play.encoder import SAMPLE_US, databases
 from sim_ecu.play.mapped import MappedTrain, Train
-from sim_ecu.play.scenario import path_of
-from sim_ecu.play.train import PACKAGED, AdhesionReader
+from sim_ecu.play.scenario import Scenario, path_of
+from sim_ecu.play.train import PACKAGED, AdhesionReader, placed
 from wrcd.bus.dbc import find_message
 from wrcd.config.config import load_config, load_packaged
 from wrcd.config.section import Section, TomlSource
@@ -143,7 +143,7 @@ class Bench:
     ) -> None:  # fmt: skip
         self.scenario = what if isinstance(what, DriveScenario) else load_drive_scenario(what)
         self.steps: list[Step] = []  # so far
-        config = _configuration(daemon, len(self.scenario.axles))
+        config = _configuration(daemon, self.scenario.train)
         if with_adhesion and config is None:
             raise InputError("with_adhesion needs a daemon", hint="daemon=True")
         if isinstance(controller, str):
@@ -312,10 +312,10 @@ class Bench:
         return float(value)
 
 
-def _configuration(daemon: bool | str | Path, axles: int) -> Config | None:
+def _configuration(daemon: bool | str | Path, played: Scenario) -> Config | None:
     """The daemon's configuration; None for no daemon."""
     if isinstance(daemon, bool):
-        return load_packaged(axles) if daemon else None
+        return placed(load_packaged(len(played.axles)), played) if daemon else None
     return load_config(Path(daemon))
 
 

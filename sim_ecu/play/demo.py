@@ -17,7 +17,7 @@ from sim_ecu.play.observer import BusObserver, ObservedTrace
 from sim_ecu.play.pace import Pace, RealPace
 from sim_ecu.play.play import PlayTally, RealTime
 from sim_ecu.play.scenario import Scenario, load_scenario
-from sim_ecu.play.train import PACKAGED
+from sim_ecu.play.train import PACKAGED, placed
 from wrcd.bus import pythoncan
 from wrcd.bus.opening import open_link
 from wrcd.config.config import DEFAULT_AXLES, load_config, load_packaged
@@ -37,7 +37,7 @@ def run(interface: str, channel: str, scenario_name: str, folder: Path, config_f
     numbers = [a.number for a in scenario.axles]
     train: Train = PACKAGED
     if config_file is None:
-        config = load_packaged(max(DEFAULT_AXLES, *numbers))
+        config = placed(load_packaged(max(DEFAULT_AXLES, *numbers)), scenario)
     else:
         config = load_config(config_file)
         train = MappedTrain(config, scenario.wheelset)

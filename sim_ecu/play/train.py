@@ -3,16 +3,20 @@
 import functools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
 from cantools.database.can import Message, Signal
 
 from sim_ecu.play.encoder import Encoder, data_id, databases, message_key
 from sim_ecu.play.faults import message_of
 from sim_ecu.play.mapped_message import FAILED, says
+from sim_ecu.play.scenario import Scenario
 from wrcd.bus.dbc import find_signal
 from wrcd.bus.signals import Output, OutputSignal
+from wrcd.config.config import load_packaged
+from wrcd.core.configuration import AxleConfig, Config
 from wrcd.core.vocabulary import MESSAGES, Numeric
 
 USABLE_STATUS, PACKAGED_ERROR = frozenset({0, 1}), 14  # of the packaged DBC: Ok, Degraded; Error
@@ -128,3 +132,20 @@ def _number(s: Signal, sent: OutputSignal, raw: int) -> float | None:
     high = math.inf if s.maximum is None else float(s.maximum)
     named = raw in (s.choices or {})
     return None if raw == sent.not_available or named or not low <= physical <= high else physical / sent.factor
+
+
+def placed(config: Config, played: Scenario) -> Config:
+    """The packaged configuration, with its axles where a scenario has them, if these are on one rail and track."""
+    first = played.axles[0]
+    is_one = all(a.track_seed == first.track_seed and np.array_equal(a.rail, first.rail) for a in played.axles)
+    if len(played.axles) == 1 or first.track_seed is None or not is_one:
+        return config
+    at = {a.number: a.position_m for a in played.axles}
+    axles = _placed_axles(tuple(at.get(n) for n in range(1, max(a.number for a in config.axles) + 1)))
+    return replace(config, axles=tuple(axles[a.number - 1] for a in config.axles), fuses=True)
+
+
+@functools.lru_cache(16)
+def _placed_axles(positions_m: tuple[float | None, ...]) -> tuple[AxleConfig, ...]:
+    """Of the packaged configuration, in the order of their numbers."""
+    return tuple(sorted(load_packaged(len(positions_m), positions_m=positions_m).axles, key=lambda a: a.number))

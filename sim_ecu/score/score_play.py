@@ -15,7 +15,8 @@ from sim_ecu.play.mapped import Train
 from sim_ecu.play.play import LOG_START_US
 from sim_ecu.play.player import LARGE_CHUNK, Player
 from sim_ecu.play.scenario import Scenario
-from sim_ecu.play.train import PACKAGED
+from sim_ecu.play.train import PACKAGED, placed
+from sim_ecu.score import WORLDS
 from sim_ecu.score.baselines import Baseline, GivenTicks
 from sim_ecu.score.suites.run import Run
 from wrcd.bus.frame import Frame
@@ -26,6 +27,7 @@ from wrcd.core.vocabulary import CONFIDENCES, MESSAGES, Words
 from wrcd.logs.decoder import UNKNOWN, MessageDecoder, Values, decoders
 
 FloatArray = NDArray[np.float64]
+ALONE = "each axle alone"  # beside the axles of a train on one rail
 
 
 @dataclass
@@ -138,7 +140,7 @@ class Listener:
     def __init__(self, run: Run, config: Config, recording: TickRecorder | None = None) -> None:
         self._run, self._core = run, Core(config, ticks=None if recording is None else recording.take)
         self._kept = TrainFrames([a.number for a in run.scenario.axles], config)
-        self._half_widths: dict[int, FloatArray] = {}
+        self._half_widths: dict[int, dict[int, float]] = {}  # by time and axle
 
     def knows(self, calm: Core) -> None:
         """Know of every bogie what a core knows of its first one."""
@@ -152,10 +154,13 @@ class Listener:
         made = self._core.feed([_stamped(f) for f in frames])
         for out in made:
             self._kept.keep(out.frame.stamp_us - LOG_START_US, out.frame.can_id, out.frame.data)
-        slots = made.reports.reshape(-1, len(self._core.config.axles))
+        numbers = [a.number for a in self._core.config.axles]
+        slots = made.reports.reshape(-1, len(numbers))
         widths = np.where(slots["has_estimate"] > 0, slots["estimate"]["half_width_pp"], np.nan)
         times_us = slots["time_us"][:, 0] - LOG_START_US
-        self._half_widths.update(zip(times_us.tolist(), widths, strict=True))
+        self._half_widths.update(
+            (t, dict(zip(numbers, w, strict=True))) for t, w in zip(times_us.tolist(), widths, strict=True)
+        )
 
     def traces(self) -> list[Trace]:
         """An entry for each axle."""
@@ -173,6 +178,10 @@ def play(
     """Play a run and gather what came on the bus, an entry for each axle. train: whose messages the configurations map.
     beside: other designs' names and configurations, whose cores are fed the same frames.
     Raises InputError for a fault or an axle that they leave no way to."""
+    if train is PACKAGED and (together := placed(config, run.scenario)).fuses:
+        alone = [(ALONE, config)] if run.suite == WORLDS else []
+        beside = [*((name, placed(other, run.scenario)) for name, other in beside), *alone]
+        config = together
     recording = TickRecorder(config) if baselines else None
     ours, others = Listener(run, config, recording), {name: Listener(run, other) for name, other in beside}
     listeners = [ours, *others.values()]
@@ -228,7 +237,7 @@ def _cause(detail: MessageFrames | None, at_us: NDArray[np.int64]) -> NDArray[np
     return np.full(len(at_us), "") if detail is None else newest(detail, "Cause", at_us)
 
 
-def _trace(run: Run, place: int, kept: TrainFrames, half_widths: dict[int, FloatArray]) -> Trace:
+def _trace(run: Run, place: int, kept: TrainFrames, half_widths: dict[int, dict[int, float]]) -> Trace:
     axle = run.scenario.axles[place]
     adhesion, truth = kept.adhesion[axle.number], kept.truth[axle.number]
     speed = float(run.scenario.speed.at(np.zeros(1))[0])
@@ -236,7 +245,6 @@ def _trace(run: Run, place: int, kept: TrainFrames, half_widths: dict[int, Float
     true_us, adhesion_us = np.array(truth.stamps_us), np.array(adhesion.stamps_us)
     use = adhesion_us >= true_us[0]
     latest = np.searchsorted(true_us, adhesion_us[use], side="right") - 1
-    unknown = np.full(MAX_AXLES, np.nan)
     return Trace(
         suite=run.suite,
         group=run.group,
@@ -251,7 +259,9 @@ def _trace(run: Run, place: int, kept: TrainFrames, half_widths: dict[int, Float
         validity=adhesion.words("Validity")[use],
         cause=_cause(kept.detail.get(axle.number), adhesion_us[use]),
         half_width_pp=half_widths_pp(adhesion)[use],
-        own_half_width_pp=np.array([half_widths.get(t, unknown)[axle.number - 1] for t in adhesion_us[use].tolist()]),
+        own_half_width_pp=np.array(
+            [half_widths.get(t, {}).get(axle.number, np.nan) for t in adhesion_us[use].tolist()]
+        ),
         contact=adhesion.words("ContactState")[use],
         surface=adhesion.words("Surface")[use],
         true_mu_pct=truth.numbers("MuAvailable")[latest],

@@ -62,7 +62,7 @@ class Oracle:
     _delayed_clear: BoolArray
     started: BoolArray  # whether a measurement was used since the last reset
     health: PairHealth
-    _memory: FloatArray  # (5, n) what is Remembered
+    _memory: FloatArray  # (6, n) what is Remembered
     outliers: int = 0  # samples left out so far
 
     def __init__(self, design: Design, axles: int) -> None:

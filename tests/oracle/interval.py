@@ -132,6 +132,7 @@ class Answers:
             mu = np.minimum(np.fmax(from_rules, used), 100.0)
             mu[np.isnan(from_rules)] = np.nan
             doubt, goes_on = np.zeros((2, n), dtype=np.int64)
+            reaches = np.full(n, np.nan)
         else:
             memory, recent = Remembered(*draft.memory), answers[1]
             inference, chosen = inference.take(slice(0, n)), chosen.take(slice(0, n))
@@ -145,7 +146,8 @@ class Answers:
             spread = np.maximum(spread, (mu - from_rules) / mu)
             # the newest part may know of a drop that the memory does not show yet: reach down to it
             newest_pct = np.fmax(recent.mu_from_rules_pct, carried)
-            reach = mu - newest_pct * (1.0 - NEWEST_SHARE * recent.spread)
+            reaches = newest_pct * (1.0 - NEWEST_SHARE * recent.spread)
+            reach = mu - reaches
             spread = np.where(reach > spread * mu, reach / mu, spread)
             goes_on = regime(best.inputs[:, SWING], used / mu, cut, used >= d.saturated_share * mu)
             if d.interval is not None:
@@ -174,6 +176,7 @@ class Answers:
             mu_from_rules_pct=from_rules,
             live_share=chosen.live_share,
             regime=goes_on,
+            reaches_pct=reaches,
         )
 
     def inputs_of(

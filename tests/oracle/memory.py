@@ -98,7 +98,8 @@ AGAIN = 0.98  # of what was in use at the peak: as much again
 class Remembered(NamedTuple):
     """Of every axle (n,). precision: of the fused word, as 1 / variance of log adhesion, 0 where there is none, and
     weighed, its product with log adhesion; peak_pct: what was in use at the last peak, eroded, and since when (s);
-    another: steps in a row in which the window's newest part speaks of another rail.
+    another: steps in a row in which the window's newest part speaks of another rail. since_m: the way since the fused
+    word began.
     """
 
     precision: FloatArray
@@ -106,6 +107,7 @@ class Remembered(NamedTuple):
     peak_pct: FloatArray
     peak_age_s: FloatArray
     another: FloatArray
+    since_m: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,4 +160,5 @@ def remember(
     another = np.where(off, memory.another + 1.0, 0.0)
     anew = another >= ANOTHER_STEPS
     precision, weighed = (np.where(anew, 0.0, a) for a in (precision, weighed))
-    return Remembered(precision, weighed, np.where(at_peak, in_use, eroded), since_s, another)
+    since_m = np.where(anew | begins | ~usable, 0.0, memory.since_m + step_s * speed_m_s)
+    return Remembered(precision, weighed, np.where(at_peak, in_use, eroded), since_s, another, since_m)

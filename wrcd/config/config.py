@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import TypeVar
 
 from wrcd import resources
-from wrcd.bus.dbc import Database, load_dbc
+from wrcd.bus.dbc import Database, find_message, find_signal, load_dbc
 from wrcd.bus.units import Quantity
 from wrcd.config import declared
-from wrcd.config.configured_train import all_statements, read_train
+from wrcd.config.configured_train import ConfiguredTrain, all_statements, axle_tables, read_train
 from wrcd.config.ended_keys import take_out
 from wrcd.config.input_mapping import STALE_TICKS
 from wrcd.config.keys import KeyOf, names
@@ -29,15 +29,18 @@ T = TypeVar("T")
 DEFAULT_AXLES = 4
 
 
-def packaged(axles: int) -> str:
-    """The TOML text that maps the packaged DBC's first axles."""
-    return """
+def packaged(axles: int, positions_m: Sequence[float | None] = ()) -> str:
+    """The TOML text that maps the packaged DBC's first axles. positions_m: where each stands, of a train that never
+    runs in reverse; None: not known."""
+    way = "\none_way = true" if positions_m else ""
+    places = ["" if x is None else f"\nposition_m = {x:g}" for x in positions_m or (None,) * axles]
+    return f"""
 [vehicle]
-speed = "VehicleSpeed.Speed"
+speed = "VehicleSpeed.Speed"{way}
 """ + "".join(
         f"""
 [[axle]]
-number = {a}
+number = {a}{places[a - 1]}
 yaw_rate = "YawRate_A{a}.YawRate"
 lateral_acceleration = "LatAccel_A{a}.LatAccel"
 torque = "Torque_A{a}.Torque"
@@ -80,13 +83,14 @@ def load_config_to_run(path: Path | None) -> Config:
 def input_mappings(path: Path | None) -> list[Statement]:
     """What a configuration that load_config takes says of its inputs, for a line that changes one."""
     top, _ = _source(path)
-    return all_statements(list(top.sections("axle")), top.section("vehicle"))
+    return all_statements(axle_tables(top), top.section("vehicle"))
 
 
-def load_packaged(axles: int, design: str | None = None) -> Config:
-    """The default configuration, but of so many axles; with a packaged design instead of the default one."""
+def load_packaged(axles: int, design: str | None = None, positions_m: Sequence[float | None] = ()) -> Config:
+    """The default configuration, but of so many axles, at these positions; with a packaged design instead of the
+    default one."""
     estimator = "" if design is None else f'[estimator]\ndesign = "{design}"\n'
-    top = parse_toml(packaged(axles) + estimator, "default configuration", collect=True)
+    top = parse_toml(packaged(axles, positions_m) + estimator, "default configuration", collect=True)
     return _config(top, Path(), load_dbc, load_design)
 
 
@@ -133,6 +137,7 @@ def _config(
     interface, channel = _interface(bus), declared.CHANNEL.read(bus) or ""
     stamps = declared.TIMESTAMPS.value(bus)
     min_speed, total = declared.MIN_SPEED.value(limits), declared.TORQUE_IS_TOTAL.read(vehicle)
+    one_way = declared.ONE_WAY.value(vehicle)
     recorder = _recorder(top.section("recorder"), folder)
     for name, section in (
         ("bus", bus),
@@ -148,6 +153,7 @@ def _config(
     assert design is not None
     status, rejects, link = train.own
     axles = train.axles
+    unplaced = _unplaced(train, one_way, database)
     return Config(
         file=str(top.file),
         interface=interface,
@@ -166,10 +172,29 @@ def _config(
         not_available_after_us=after_us,
         min_speed_m_s=min_speed,
         constant_speed_m_s=constant,
+        fuses=not unplaced and any(a.position_m is not None for a in axles),
         torque_is_total=total,
         recorder=recorder,
-        warnings=(*ended, *database.warnings, *train.warnings),
+        warnings=(*ended, *database.warnings, *train.warnings, *unplaced),
     )
+
+
+def _unplaced(train: ConfiguredTrain, one_way: bool, database: Database) -> list[str]:
+    """Why words of axles are not fused though it is said where some of them stand."""
+    placed = [a.number for a in train.axles if a.position_m is not None]
+    speed = next((i.source for i in train.inputs if i.source.quantity is Quantity.SPEED), None)
+    knows_way = one_way or any(i.source.quantity is Quantity.DIRECTION for i in train.inputs)
+    if speed is not None and not knows_way:
+        signal = find_signal(find_message(database, speed.message), speed.signal)
+        knows_way = ((signal.minimum if speed.low is None else speed.low) or 0.0) < 0.0
+    why = {
+        "another axle's position_m is not given": len(placed) < 2,
+        "no signal tells the speed": speed is None,
+        "nothing tells which way the train runs; write one_way = true in [vehicle] if it never runs in reverse, "
+        "or map vehicle.direction": not knows_way,
+    }
+    of = "axle.position_m counts for nothing, each axle stands alone"
+    return [f"{of}: {next(text for text, holds in why.items() if holds)}"] if placed and any(why.values()) else []
 
 
 def _interface(bus: Section) -> str:

@@ -26,11 +26,9 @@ from wrcd.config.statements import (
     statements,
 )
 from wrcd.config.status_rules import status_rules
-from wrcd.core.configuration import AxleConfig, Input
+from wrcd.core.configuration import AXLE_OUTPUTS, AxleConfig, Input
 from wrcd.core.design import Design
 from wrcd.core.terms import MAX_AXLES, MAX_SIGNALS
-
-AXLE_OUTPUTS = ("adhesion", "detail", "inputs")
 
 
 class ConfiguredTrain:
@@ -42,6 +40,15 @@ class ConfiguredTrain:
         self.data_ids: dict[str, int | None] = {}
         self.own: list[Output | None] = []  # the daemon's own: status, rejects, link
         self.warnings: list[str] = []
+
+
+def axle_tables(top: Section) -> list[Section]:
+    """The tables of [[axle]], along the train where all say where they stand: two by two they are bogies."""
+    tables = list(top.sections("axle"))
+    at = [table.raw(declared.POSITION.name) for table in tables]
+    if not all(isinstance(x, int | float) for x in at):
+        return tables
+    return [tables[k] for k in sorted(range(len(tables)), key=lambda k: -float(at[k]))]
 
 
 def all_statements(tables: Sequence[Section], vehicle: Section) -> list[Statement]:
@@ -57,7 +64,7 @@ def read_train(top: Section, vehicle: Section, database: Database | None, design
     looked at.
     """
     train = ConfiguredTrain()
-    tables = list(top.sections("axle"))
+    tables = axle_tables(top)
     if not 1 <= len(tables) <= MAX_AXLES:
         hint = "write [[axle]] for each wheelset"
         error = top.error(f"takes 1 to {MAX_AXLES} tables, found {len(tables)}", "axle", hint)
@@ -66,12 +73,17 @@ def read_train(top: Section, vehicle: Section, database: Database | None, design
         tables = tables[:MAX_AXLES]
     stated = all_statements(tables, vehicle)
     sent: list[tuple[Section, Output]] = []
+    places: set[float] = set()
     known = None if design is None else database
     tick_ms = 0.0 if design is None else 1000 * design.tick_s
     numbers: set[int] = set()
     for table in tables:
-        number = _number(table, numbers)
+        number, position = _number(table, numbers), declared.POSITION.read(table)
+        if position in places:
+            table.refuse(f"{position:g} m is another axle's already", declared.POSITION.name)
+        places |= set() if position is None else {position}
         usual = ("",) * len(AXLE_OUTPUTS) if number is None else usual_messages(number)
+        usual = usual if position is not None else (*usual[:-1], "")
         found = [output(table, kind, known, name, tick_ms) for kind, name in zip(AXLE_OUTPUTS, usual, strict=True)]
         sent += [
             (table.place(kind, declared.MESSAGE.name), o)
@@ -79,7 +91,7 @@ def read_train(top: Section, vehicle: Section, database: Database | None, design
             if o is not None
         ]
         if number is not None and found[0] is not None:
-            train.axles.append(AxleConfig(number, found[0], *found[1:]))
+            train.axles.append(AxleConfig(number, found[0], found[1], found[2], found[3], position))
         table.done(names(declared.AXLE))
     for kind, name in zip(STATUS_KEYS, STATUS_MESSAGES, strict=True):
         one = output(vehicle, kind, known, name, tick_ms)

@@ -71,6 +71,8 @@ NOT_AVAILABLE_AFTER = Number(
 CONSTANT_SPEED = Number("constant_speed_m_s", "the speed of a rig without a speed message", 0.0, Quantity.SPEED.limit)
 TORQUE_IS_TOTAL = Flag("torque_is_total", "false: friction brakes act beside the torque on the bus", True)
 NUMBER = Whole("number", "each once", 1, MAX_AXLES, needed=True)
+POSITION = Number("position_m", "where it stands along the train, forward positive", -1000.0, 1000.0)
+ONE_WAY = Flag("one_way", "true: the train never runs in reverse", False)
 FOLDER = Text("folder", "where dumps go; default: systemd's `$STATE_DIRECTORY`, else none")
 SECONDS = Number("seconds", "how much is kept in memory; 0 is off", 0.0, 600.0, 90.0)
 MAX_FILES = Whole("max_files", "dumps in the folder", 1, 10_000, 20)
@@ -179,12 +181,14 @@ VEHICLE: tuple[Key, ...] = (
     Sub("speed", "the speed; needed unless `limits.constant_speed_m_s` is given"),
     Sub("direction", "the direction of travel; it turns the signs"),
     TORQUE_IS_TOTAL,
+    ONE_WAY,
     Sub("status_message", "the message to send as WrcdStatus; default: that name, where the DBC has it"),
     Sub("rejects_message", "the same of WrcdRejects"),
     Sub("link_message", "the same of WrcdLink"),
 )
 AXLE: tuple[Key, ...] = (
     NUMBER,
+    POSITION,
     Sub("yaw_rate", "the gyro", needed=True),
     Sub("lateral_acceleration", "the accelerometer at the axle box", needed=True),
     Sub("torque", "the torque at the axle; several signals add up", needed=True),
@@ -194,6 +198,7 @@ AXLE: tuple[Key, ...] = (
     Sub("adhesion", "the message to send, here of axle 1; it needs Validity and MuAvailable", default="Adhesion_A1"),
     Sub("detail", "the message to send as AdhesionDetail; default: AdhesionDetail_A*a*, where the DBC has it"),
     Sub("inputs", "the same of InputHealth_A*a*"),
+    Sub("own", "the same of AdhesionOwn_A*a*, which is sent where `position_m` is given"),
 )
 # By the path of a table's keys; those of inputs and of fields that are sent are named by what they carry.
 TABLES: Mapping[str, tuple[Key, ...]] = {

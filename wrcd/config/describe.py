@@ -5,6 +5,7 @@ from wrcd.bus.frame import GROUP, id_text
 from wrcd.bus.positions import message_key
 from wrcd.bus.signals import Output, OutputSignal, Source, StatusRule
 from wrcd.bus.units import Quantity
+from wrcd.config import declared
 from wrcd.config.raw_values import words
 from wrcd.core.configuration import LOAD_SHARES, RADIUS_SHARES, Config, Input
 from wrcd.core.design import Design
@@ -35,10 +36,14 @@ def describe(c: Config) -> list[str]:
         f"limits         not available after {c.not_available_after_us / 1000:g} ms and below {c.min_speed_m_s:g} m/s"
         + (f", constant speed {c.constant_speed_m_s:g} m/s" if c.constant_speed_m_s is not None else ""),
     ]
+    out += ["axles          on one rail share their words"] if c.fuses else []
     for place, axle in enumerate(c.axles):
         out.append(f"axle {axle.number}")
+        out += (
+            [] if axle.position_m is None else [f"  {declared.POSITION.name:22} {axle.position_m:g} m along the train"]
+        )
         out += [line for i in c.inputs if place in i.source.axles for line in _input(c, i)]
-        for o in (axle.adhesion, axle.detail, axle.inputs):
+        for o in axle.sent:
             out += [] if o is None else [f"  sends                  -> {_sent(c, o)}", *_names(c, o)]
     for o in (c.status, c.rejects, c.link):
         out += [] if o is None else [f"status                   -> {_sent(c, o)}", *_names(c, o)]

@@ -14,14 +14,14 @@ from wrcd.core.vocabulary import MESSAGES, Numeric, Words, snake
 
 NEEDS: Mapping[str, tuple[str, ...]] = {"adhesion": ("Validity", "MuAvailable")}
 ADHESION_MS, DETAIL_MS, STATUS_MS = 20, 100, 1000  # cycles where nobody says one
-CYCLES_MS = {"adhesion": ADHESION_MS, "detail": DETAIL_MS, "inputs": DETAIL_MS}
+CYCLES_MS = {"adhesion": ADHESION_MS, "detail": DETAIL_MS, "inputs": DETAIL_MS, "own": DETAIL_MS}
 STATUS_MESSAGES = ("WrcdStatus", "WrcdRejects", "WrcdLink")
 STATUS_KEYS = ("status_message", "rejects_message", "link_message")
 
 
-def usual_messages(number: int) -> tuple[str, str, str]:
-    """Names of what is sent for an axle unless the configuration names others: adhesion, detail and inputs."""
-    return f"Adhesion_A{number}", f"AdhesionDetail_A{number}", f"InputHealth_A{number}"
+def usual_messages(number: int) -> tuple[str, ...]:
+    """Names of what is sent for an axle unless the configuration names others, in the order of AXLE_OUTPUTS."""
+    return tuple(f"{name}_A{number}" for name in ("Adhesion", "AdhesionDetail", "InputHealth", "AdhesionOwn"))
 
 
 def output(section: Section, kind: str, database: Database | None, usual: str, tick_ms: float) -> Output | None:

@@ -15,6 +15,9 @@ LOAD_SHARES = (0.7, 1.3)
 RADIUS_SHARES = (0.9, 1.1)
 
 
+AXLE_OUTPUTS = ("adhesion", "detail", "inputs", "own")  # keys of an axle's messages
+
+
 @dataclass(frozen=True, slots=True)
 class AxleConfig:
     """One wheelset: its number (1 … MAX_AXLES) and the messages that tell about it."""
@@ -23,6 +26,13 @@ class AxleConfig:
     adhesion: Output
     detail: Output | None
     inputs: Output | None
+    own: Output | None = None
+    position_m: float | None = None  # along the train, forward positive; None: not known
+
+    @property
+    def sent(self) -> tuple[Output | None, ...]:
+        """The messages, in the order of AXLE_OUTPUTS."""
+        return tuple(getattr(self, kind) for kind in AXLE_OUTPUTS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +79,7 @@ class Config:
     not_available_after_us: int
     min_speed_m_s: float
     constant_speed_m_s: float | None
+    fuses: bool  # words of axles on one rail: where they stand, how fast the train is and which way it runs is known
     torque_is_total: bool
     recorder: RecorderConfig
     warnings: tuple[str, ...] = ()  # what is odd, but bearable

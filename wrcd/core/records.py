@@ -49,3 +49,4 @@ class Estimate:
     mu_from_rules_pct: FloatArray  # the rules' word, fused with those before; without what is or was in use
     live_share: FloatArray  # of the window, with data far from pulses
     regime: IntArray  # a Regime: what the interval's width goes by
+    reaches_pct: FloatArray  # what the newest part says at the least: the interval reaches down to it

@@ -14,7 +14,7 @@ from wrcd.bus.mapping import Mapped, MappedMessage, MappedSignal
 from wrcd.bus.positions import MAX_BITS, Branch, Field
 from wrcd.bus.units import Quantity
 from wrcd.bus.writers import SignalWriter, Writer
-from wrcd.core.configuration import LOAD_SHARES, RADIUS_SHARES, Config, Input
+from wrcd.core.configuration import AXLE_OUTPUTS, LOAD_SHARES, RADIUS_SHARES, Config, Input
 from wrcd.core.design_fit import fit_members
 from wrcd.core.layouts import layouts, told_names
 from wrcd.core.terms import MAX_SIGNALS
@@ -24,8 +24,8 @@ QUANTITIES = tuple(Quantity)
 YAW, LAT, TORQUE, SPEED, BRAKE, LOAD, DIRECTION, RADIUS = range(len(QUANTITIES))
 # What no vehicle changes by from one frame to the next (or within 0.1 s, if that is longer).
 MAX_STEP = {TORQUE: 4000.0, BRAKE: 4000.0, SPEED: 1.0, LOAD: 20_000.0, RADIUS: 0.02}
-_OF_AXLES, _OWN = ("adhesion", "detail", "inputs"), ("status_message", "rejects_message", "link_message")
-_KINDS = {"adhesion": 0, "detail": 1, "inputs": 2, "status_message": 3, "rejects_message": 4, "link_message": 3}
+_OWN = ("status_message", "rejects_message", "link_message")
+_KINDS = dict(zip((*AXLE_OUTPUTS, *_OWN), (0, 1, 2, 3, 4, 5, 4), strict=True))
 _UNSIGNED, _SIGNED, _FLOAT = range(3)
 Records = np.ndarray[Any, Any]
 Tables = dict[str, Records]
@@ -200,12 +200,14 @@ def _settings(config: Config, mapped: Mapped, tables: Tables, sent: int) -> dict
         "recent_ticks": design.recent_ticks, "torque_is_total": config.torque_is_total,
         "torque_sign_counts": not (config.torque_is_total or len(has_brakes) == n) or bool(has_brakes) or in_parts,
         "speed_tells_direction": not any(q == DIRECTION for q, _ in first), "input_of": of_axles.reshape(-1).tolist(),
+        "position_m": [np.nan if a.position_m is None else a.position_m for a in config.axles],
+        "number": [a.number for a in config.axles], "is_placed": config.fuses,
     }  # fmt: skip
 
 
 def _sent(config: Config) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """The messages that are sent, in a slot's order, and their fields."""
-    of_axles = [(kind, axle, getattr(a, kind)) for kind in _OF_AXLES for axle, a in enumerate(config.axles)]
+    of_axles = [(kind, axle, getattr(a, kind)) for kind in AXLE_OUTPUTS for axle, a in enumerate(config.axles)]
     outputs = (config.status, config.rejects, config.link)
     own = [(kind, -1, output) for kind, output in zip(_OWN, outputs, strict=True)]
     sent: list[dict[str, Any]] = []

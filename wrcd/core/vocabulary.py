@@ -93,6 +93,13 @@ MESSAGES: Mapping[str, Mapping[str, Numeric | Words]] = {
         **{f"Reach{name}": _BITS for name in _INPUTS},
         **{f"Refused{name}": Words(_REASONS) for name in _INPUTS},
     },
+    "own": {
+        "MuAvailableOwn": Numeric(0, 50, 1.0, "%", absent=True, round_down=True, limits=(0, 100)),
+        "HalfWidthOwn": _PERCENT,
+        "AxlesFused": Numeric(0, 8, exact=True),
+        "MuUsedMost": _PERCENT,
+        "MuUsedMostAxle": Numeric(0, 8, exact=True),
+    },
     "status_message": {
         "State": Words(("Running", "LinkDown", "Stopping")),
         "DesignFit": Words(FITS, (), _nothing("Like", FITS[2:])),

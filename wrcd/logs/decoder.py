@@ -13,12 +13,11 @@ from wrcd.bus.dbc import Message, Signal, find_message, find_signal
 from wrcd.bus.positions import Branch, Field, Order, frame_length, message_key, span
 from wrcd.bus.positions import Numbers as FrameNumbers
 from wrcd.bus.signals import Output, OutputSignal
-from wrcd.core.configuration import Config
+from wrcd.core.configuration import AXLE_OUTPUTS, Config
 from wrcd.core.vocabulary import CONFIDENCES, MESSAGES, Numeric, Words
 from wrcd.logs.scan import Scan, good_frames
 from wrcd.logs.story_records import AdhesionRecord, Detail, HealthRecord, Numbers, Places, Series
 
-OF_AXLE = ("adhesion", "detail", "inputs")
 OF_DAEMON = ("status_message", "rejects_message", "link_message")
 UNKNOWN = -1  # a word that is none of ours
 Values = NDArray[np.float64] | NDArray[np.int8]
@@ -131,7 +130,7 @@ def decoders(config: Config) -> Iterator[MessageDecoder]:
 def sent_messages(config: Config) -> Iterator[tuple[str, int, Output]]:
     """What a daemon sends: the key in the vocabulary, the axle's number (0: its own), the message."""
     for axle in config.axles:
-        for kind, output in zip(OF_AXLE, (axle.adhesion, axle.detail, axle.inputs), strict=True):
+        for kind, output in zip(AXLE_OUTPUTS, axle.sent, strict=True):
             if output is not None:
                 yield kind, axle.number, output
     for kind, output in zip(OF_DAEMON, (config.status, config.rejects, config.link), strict=True):
@@ -218,9 +217,9 @@ class OwnFrames:
             _numbers(v, "Unchanged", n) > 0,
         )
 
-    def series(self, scan: Scan, kind: str) -> Series | None:
-        """A message of the daemon's own; words are their places."""
-        read = self._read(scan, kind, 0)
+    def series(self, scan: Scan, kind: str, axle: int = 0) -> Series | None:
+        """A message as numbers; words are their places."""
+        read = self._read(scan, kind, axle)
         return None if read is None else Series(read[0], {name: c.astype(np.float64) for name, c in read[1].items()})
 
 

@@ -31,7 +31,7 @@ from wrcd.logs.time_order import Onward
 BLOCK_US = 10_000_000  # of the log, held in memory
 # by key of the vocabulary: the name of the packaged DBC's message
 NAMES = {
-    "adhesion": "Adhesion", "detail": "AdhesionDetail", "inputs": "InputHealth",
+    "adhesion": "Adhesion", "detail": "AdhesionDetail", "inputs": "InputHealth", "own": "AdhesionOwn",
     "status_message": "WrcdStatus", "rejects_message": "WrcdRejects", "link_message": "WrcdLink",
 }  # fmt: skip
 INPUTS = {

@@ -224,7 +224,8 @@ def story_axle(
         lasted = story_events.of_changes(number, estimated.changes, found.begin_us, found.end_us)
         answers = estimated.answers[number]
         adhesion, detail = answers.bound(adhesion), detail or answers.detail()
-    return StoryAxle(number, adhesion, detail, health, truth_record, story_events.with_gaps(lasted, found.gaps))
+    events = story_events.with_gaps(lasted, found.gaps)
+    return StoryAxle(number, adhesion, detail, health, truth_record, events, own.series(sent, "own", number))
 
 
 def _with_inputs(

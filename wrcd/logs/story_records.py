@@ -197,6 +197,7 @@ class StoryAxle:
     health: HealthRecord | None
     truth: TruthRecord | None
     events: tuple[Event, ...]  # without a gap between them
+    own: "Series | None" = None  # AdhesionOwn
 
     def event_at(self, time_us: int) -> Event | None:
         """Return the event that a moment lies in."""

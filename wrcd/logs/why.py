@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from wrcd.core.causes import Validity
-from wrcd.core.vocabulary import words_of
+from wrcd.core.vocabulary import MESSAGES, words_of
 from wrcd.errors import InputError
 from wrcd.logs.rule_sentences import model_words, rule_words
 from wrcd.logs.story import ESTIMATED
@@ -65,6 +65,11 @@ class Explanation:
     distance_m: float
     truth_available_pct: float
     truth_used_pct: float
+    own_pct: float  # what it says alone, and its interval
+    own_half_width_pp: float
+    axles_fused: float  # that stand behind its adhesion
+    most_used_pct: float  # of them and it
+    most_used_axle: float
 
 
 def explain(story: Story, axle_number: int, time_us: int) -> Explanation:
@@ -111,11 +116,12 @@ def explain(story: Story, axle_number: int, time_us: int) -> Explanation:
         _value(story.distance, "distance_m", time_us),
         math.nan if t is None else number(t.available_pct, true),
         math.nan if t is None else number(t.used_pct, true),
+        *(_value(axle.own, name, time_us, DETAIL_MAX_AGE_US) for name in MESSAGES["own"]),
     )  # fmt: skip
 
 
-def _value(series: Series | None, name: str, at_us: int) -> float:
-    return math.nan if series is None else series.at(name, at_us, INPUT_MAX_AGE_US)
+def _value(series: Series | None, name: str, at_us: int, max_age_us: int = INPUT_MAX_AGE_US) -> float:
+    return math.nan if series is None else series.at(name, at_us, max_age_us)
 
 
 def moment(story: Story, given_s: float, *, key: str = "SECONDS", behind: bool = False) -> int:
@@ -182,6 +188,8 @@ def _parts(
     if now.why:
         yield "why", now.why
     yield "estimate", _estimate(now)
+    if math.isfinite(now.own_pct):
+        yield "alone", _alone(now)
     if math.isfinite(now.truth_available_pct):
         yield "truth", f"{percent(now.truth_available_pct)} % available, {percent(now.truth_used_pct)} % in use"
     if fall is None:
@@ -214,6 +222,16 @@ def _estimate(x: Explanation) -> str:
         rest.append(x.plausibility)
     age = f"; oldest measurement {x.age_ms:.0f} ms{' or more' * (x.age_ms >= 255)}" if math.isfinite(x.age_ms) else ""
     return f"{text}{used}{''.join(f', {w}' for w in rest)}{age}"
+
+
+def _alone(x: Explanation) -> str:
+    width = f" (± {percent(x.own_half_width_pp)})" if math.isfinite(x.own_half_width_pp) else ""
+    alone = f"{percent(x.own_pct)} %{width}"
+    if x.axles_fused < 2.0:
+        return f"{alone}: no other axle stands behind the estimate"
+    fused = f"; {x.axles_fused:.0f} axles on this rail stand behind the estimate" if x.axles_fused >= 2.0 else ""
+    most = f"; axle {x.most_used_axle:.0f} uses most, {percent(x.most_used_pct)} %" if x.most_used_axle >= 1.0 else ""
+    return alone + fused + most
 
 
 def _moment(story: Story, label: str, x: Explanation, shown: int = 0) -> Iterator[tuple[str, str]]:

@@ -52,7 +52,7 @@ class LossOfValidity:
         return lost
 
 
-# That the ring has room for. An axle of the packaged DBC makes 570 of them; a full bus of 500 kbit/s carries about 4000
+# That the ring has room for. An axle of the packaged DBC makes 580 of them; a full bus of 500 kbit/s carries about 4000
 # of eight bytes, one of 1 Mbit/s twice as many.
 FRAMES_PER_S, AXLE_FRAMES_PER_S = 4000, 1000
 SPARE_SHARE = 0.1  # of the ring, may be overwritten before the process that writes a dump has copied it

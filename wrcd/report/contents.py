@@ -212,7 +212,7 @@ def configuration(story: Story) -> Mapping[str, Any]:
         ("torque is total", "yes" if c.torque_is_total else "no"),
     ]  # fmt: skip
     for a in c.axles:
-        messages = [o.message for o in (a.adhesion, a.detail, a.inputs) if o is not None]
+        messages = [o.message for o in a.sent if o is not None]
         rows.append((f"axle {a.number}", ", ".join(messages)))
     for i in c.inputs:
         signal = f"{i.source.message}.{i.source.signal}, stale after {i.timeout_us / 1e3:g} ms"

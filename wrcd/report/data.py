@@ -172,6 +172,8 @@ def _of_axle(story: Story, axle: StoryAxle) -> dict[str, PageTable]:
         out["detail"] = _detail(story, axle.detail)
     if axle.health is not None and len(axle.health.time_us):
         out["inputs"] = _health(story, axle.health, axle.detail)
+    if axle.own is not None:
+        out["own"] = _series(story, axle.own)
     if axle.truth is not None and len(axle.truth.time_us):
         out["truth"] = _truth(story, axle.truth)
     return out

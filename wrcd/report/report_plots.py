@@ -155,6 +155,11 @@ class _Plots:
                     Curve(self.label("in use", side), table, "used", used, dash=dash),
                     Curve(self.label("available", side), table, "available", main, width=2.0),
                 ]
+        alone = [side for side in self.sides if "MuAvailableOwn" in self.tables.get(f"{side}axle{a}.own", {})][:1]
+        curves += [
+            Curve(self.label("alone", s), f"{s}axle{a}.own", "MuAvailableOwn", "available", dash="dotted")
+            for s in alone
+        ]
         true = [side for side in self.sides if f"{side}axle{a}.truth" in self.tables][:1]
         curves += [
             Curve(self.label("truth", s), f"{s}axle{a}.truth", "available", "truth", dash="dashed") for s in true

@@ -196,6 +196,6 @@ def _most(new: Counter[T], named: Callable[[T], str]) -> str:
 
 def sent_messages(config: Config) -> dict[int, str]:
     """The names of the messages that a daemon sends, by Frame.key."""
-    of_axles = [o for a in config.axles for o in (a.adhesion, a.detail, a.inputs)]
+    of_axles = [o for a in config.axles for o in a.sent]
     named = [o.message for o in (*of_axles, config.status, config.rejects, config.link) if o is not None]
     return {message_key(find_message(config.database, name)): name for name in named}

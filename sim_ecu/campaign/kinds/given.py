@@ -14,7 +14,7 @@ from sim_ecu.play.changed_keys import read_changed
 from sim_ecu.play.faults import ALL, DURATION_S, KINDS, SIGNALS, Fault, read_fault
 from sim_ecu.play.mapped import MappedTrain, Train
 from sim_ecu.play.scenario import Scenario
-from sim_ecu.play.train import PACKAGED
+from sim_ecu.play.train import PACKAGED, placed
 from wrcd import resources
 from wrcd.config.config import load_config, load_packaged
 from wrcd.config.packaged_designs import design_path
@@ -80,7 +80,9 @@ def configuration_of(inputs: Mapping[str, Any], axles: Sequence[int]) -> Config:
 def daemon_of(inputs: Mapping[str, Any], played: Scenario) -> tuple[Config, Train]:
     """Return the daemon's configuration, and the train that this maps."""
     config = configuration_of(inputs, [a.number for a in played.axles])
-    return config, MappedTrain(config, played.wheelset) if inputs.get("configuration") else PACKAGED
+    if inputs.get("configuration"):
+        return config, MappedTrain(config, played.wheelset)
+    return placed(config, played), PACKAGED
 
 
 @lru_cache(KEPT)

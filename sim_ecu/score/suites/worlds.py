@@ -1,6 +1,7 @@
 """A train's worlds by name, each of a family: as the training draws them, wider, or of a kind that it has not.
 
-Every axle runs in a bogie of its own on a track of its own, so that four axles are four samples of a world.
+Every axle runs in a bogie of its own on a track of its own, so that four axles are four samples of a world; but for
+those on one rail, which are two bogies of a train.
 """
 
 import math
@@ -18,7 +19,7 @@ from sim_ecu.physics.sensors import BOGIE_FRAME, RECTIFICATION, SENSOR_SETS, Sam
 from sim_ecu.physics.sensors import drawn as drawn_sensors
 from sim_ecu.physics.track import SPECTRA, Spectrum
 from sim_ecu.physics.wheelset import Wheelset
-from sim_ecu.play.scenario import AxleScenario, Course, DriveCourse, Scenario
+from sim_ecu.play.scenario import AxleScenario, Course, DriveCourse, Scenario, positions_m
 from sim_ecu.play.vehicles import load_vehicle
 from sim_ecu.score.suites.nominal import FRICTIONS, GOLDEN, RUN_S, spread
 from sim_ecu.score.suites.run import (
@@ -43,6 +44,8 @@ CALM_M_S, CALM_S, RAMP_S = (20.0, 26.0, 32.0, 14.0), 90.0, 10.0
 COASTING = 0.05  # of the full service brake, before a stop
 COASTING_M_S = (16.0, 28.0)
 SLIPPERY = ("C", "E", "D")
+VARIED, ALIKE, ONE = "varied", "alike", "one axle's alone"  # torques of axles on one rail
+FILMS, FILM_S, FILM_M = ("E", "D", "F"), 4.0, (15.0, 150.0)  # of which curves, after how long, how long
 MEMS = SENSOR_SETS["mems"]
 
 
@@ -63,7 +66,8 @@ class World:
 
     vehicle: a packaged one, whose bogie is taken; load and wheel radius stay those of the design, which a configuration
     knows. off: whether its parameters are. wider: by how much the ranges are stretched. known: the world whose runs
-    these are, when the daemon has heard minutes of calm running of such a train before.
+    these are, when the daemon has heard minutes of calm running of such a train before. together: on one rail; torques
+    are VARIED, ALIKE, or of ONE axle. film: there is one on it.
     """
 
     name: str
@@ -80,6 +84,8 @@ class World:
     coasting: bool = False
     stop: bool = False
     known: str = ""
+    together: str = ""
+    film: bool = False
 
     def play(self, source: Recipe, lot: Lot, number: int) -> Run:
         """One of its runs. Those of one number have the same speed, friction, torque and seeds in every world."""
@@ -89,7 +95,7 @@ class World:
         # a lone wheelset's design is judged in a train, too
         train = source.wheelset if source.wheelset.bogie is not None else load_vehicle("multiple-unit")
         w = self.train(train, own)
-        axles, names = [], []
+        axles, names = list[AxleScenario](), []
         for i in range(AXLES):
             letter = str(rng.choice(SLIPPERY if self.coasting or self.stop else list(CURVES)))
             between = math.exp(rng.uniform(math.log(FRICTIONS[0]), math.log(FRICTIONS[1])))
@@ -98,7 +104,14 @@ class World:
             curve = self.slope(CURVES[letter] if known else curve_between(between), own)
             sensors = self.sensing(own)
             rail, track = rail_table(self._rail(curve, v, own)), self.irregularity(source.roughness, own)
-            axles.append(axle(lot, i, rail, self._drive(w, share), track, rng, sensors, self.box(own, self.wider)))
+            drive_of = self._drive(w, share if self.together != ONE or i == number % AXLES else 0.0)
+            if self.together and axles:
+                rail, track = axles[0].rail, axles[0].track
+                drive_of = axles[0].drive if self.together == ALIKE else drive_of
+            one = axle(lot, i, rail, drive_of, track, rng, sensors, self.box(own, self.wider))
+            if self.together:
+                one = replace(one, position_m=positions_m(w)[i], track_seed=(axles or [one])[0].seed)
+            axles.append(one)
             names.append(letter if known else "between")
         seconds = STOP_S if self.stop else RUN_S
         course = Course((0.0, seconds), (v, v - (drawn.BRAKES_M_S2 * seconds if self.stop else 0.0)))
@@ -130,6 +143,13 @@ class World:
         return drawn.off_vehicle(w, rng, self.wider) if self.off else w
 
     def _rail(self, curve: CreepCurve, v: float, rng: Rng) -> list[RailSection]:
+        if self.film:
+            low, begins = CURVES[str(rng.choice(FILMS))], FILM_S * v
+            edge, long = (math.exp(rng.uniform(*np.log(limits))) for limits in (drawn.EDGE_M, FILM_M))
+            return [
+                RailSection(0.0, curve), RailSection(begins, low, edge_m=edge),
+                RailSection(begins + edge + long, curve, edge_m=edge),
+            ]  # fmt: skip
         if not self.curved:
             return [RailSection(0.0, curve)]
         curvature, cant = drawn.curve_and_cant(v, rng, self.wider)
@@ -218,7 +238,14 @@ WORLDS = (
     World("vibration: wheel flats", UNSEEN, sensors=drawn_sensors, box=_flats),
     World("slopes: curves bent otherwise", UNSEEN, law=bent_otherwise),
 )
-EVERY = (*WORLDS, *SWEPT)
+# Of these each axle alone stands beside.
+ON_ONE_RAIL = (
+    *(World(f"on one rail, torques {t}", TABLE, together=t) for t in (VARIED, ALIKE, ONE)),
+    World("on one rail, slopes untied", TABLE, tied=False, together=VARIED),
+    World("on one rail, shaken", TABLE, sensors=drawn_sensors, box=drawn_box, together=VARIED),
+    World("on one rail with a film", TABLE, together=VARIED, film=True),
+)
+EVERY = (*WORLDS, *SWEPT, *ON_ONE_RAIL)
 
 
 def worlds(source: Recipe, scale: float, lot: Lot = TEST) -> Iterator[Run]:
@@ -226,5 +253,5 @@ def worlds(source: Recipe, scale: float, lot: Lot = TEST) -> Iterator[Run]:
     places = [w.name for w in EVERY if not w.known]
     for world in EVERY:
         place = places.index(world.known or world.name)
-        for number in spread(scale, TABLE_RUNS if world.family == TABLE else WORLD_RUNS, place):
+        for number in spread(scale, TABLE_RUNS if world in SWEPT else WORLD_RUNS, place):
             yield world.play(source, lot, number)

@@ -20,6 +20,7 @@ MESSAGES = {
     "Adhesion_A{a}": (0x090, "WRCD", 20, 60, 8),
     "AdhesionDetail_A{a}": (0x0A0, "WRCD", 100, 300, 8),
     "InputHealth_A{a}": (0x0A8, "WRCD", 100, 300, 8),
+    "AdhesionOwn_A{a}": (0x0D0, "WRCD", 100, 300, 8),
     "YawRate_A{a}": (0x100, "IMU", 5, 15, 5),
     "LatAccel_A{a}": (0x110, "IMU", 5, 15, 5),
     "Torque_A{a}": (0x120, "TCU", 10, 30, 5),
@@ -48,6 +49,13 @@ SIGNALS = {
         "Surface": (56, 3, False, 1, None),
         "ContactState": (59, 2, False, 1, None),
         "Confidence": (61, 3, False, 1, None),
+    },
+    "AdhesionOwn_A4": {
+        "AxlesFused": (12, 4, False, 1, None),
+        "MuAvailableOwn": (16, 16, False, 0.01, "%"),
+        "HalfWidthOwn": (32, 10, False, 0.1, "%"),
+        "MuUsedMost": (42, 14, False, 0.01, "%"),
+        "MuUsedMostAxle": (56, 4, False, 1, None),
     },
 }
 

@@ -26,10 +26,9 @@ from wrcd.bus.signals import OutputSignal, StatusRule
 from wrcd.bus.units import G, Quantity
 from wrcd.config import declared
 from wrcd.config.config import load_config
-from wrcd.config.configured_train import AXLE_OUTPUTS
 from wrcd.config.describe import describe
 from wrcd.config.outputs import STATUS_KEYS, STATUS_MESSAGES, usual_messages
-from wrcd.core.configuration import Config, Input
+from wrcd.core.configuration import AXLE_OUTPUTS, Config, Input
 from wrcd.core.vocabulary import MESSAGES
 from wrcd.errors import InputError
 

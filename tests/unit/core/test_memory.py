@@ -11,8 +11,8 @@ from wrcd.core.design import FloatArray
 BELOW, ABOVE, CUT, VAGUE = 2.5, 3.0, 0.5, 0.3
 KEPT, WEIGHT, BEGINS, SATURATED, HOLD_S = 0.94, 0.08 * 0.6, 0.2, 0.87, 0.5
 STEP_S, SPEED = 0.08, 20.0
-PRECISION, WEIGHED, PEAK_PCT, _, ANOTHER = range(5)
-NOTHING = np.zeros(5)
+PRECISION, WEIGHED, PEAK_PCT, _, ANOTHER, SINCE_M = range(6)
+NOTHING = np.zeros(6)
 
 
 def word(pct: float, sigma: float = 0.1) -> Word:
@@ -66,6 +66,16 @@ def test_word_that_lies_far_from_the_memory_takes_over_by_degrees(sigmas: float,
 def test_memory_begins_anew_with_a_word_that_took_over() -> None:
     anew = after(after(NOTHING, 500, word(20.0)), 1, word(8.0))
     assert fused_pct(anew) == pytest.approx(8.0)
+
+
+def test_word_is_as_old_as_its_memory() -> None:
+    memory = after(NOTHING, 500, word(20.0))
+    assert memory[SINCE_M] == pytest.approx(499 * STEP_S * SPEED)
+    assert after(memory, 1, word(40.0))[SINCE_M] == 0.0
+    assert after(memory, 1, word(20.0, math.inf))[SINCE_M] == 0.0
+    once = after(memory, 1, word(20.0), recent=word(8.0))
+    assert once[SINCE_M] > 0.0
+    assert after(once, 1, word(20.0), recent=word(8.0))[SINCE_M] == 0.0
 
 
 def test_memory_that_begins_follows_a_rail_that_still_changes() -> None:

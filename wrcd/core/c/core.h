@@ -91,6 +91,10 @@ void wrcd_tell_jump(const wrcd_train *t, wrcd_out *out, int axle, int64_t end_us
 void wrcd_tell_outliers(const wrcd_train *t, wrcd_out *out, int axle, double yaw_rate, double wait_s, int64_t end_us);
 void wrcd_tell_changes(const wrcd_train *t, wrcd_out *out, const wrcd_report *report, const bool *has_changed);
 
+/* axles.c: what an axle says alone, the most that is in use on its rail, and whose; how many stand behind its fused word */
+typedef struct { double pct, half_width_pp, used_pct, most_used_pct; int32_t most_used_axle, axles; } axle_words;
+void wrcd_axles_fuse(const wrcd_train *t, wrcd_adhesion adhesion[WRCD_MAX_AXLES], axle_words own[WRCD_MAX_AXLES]);
+
 /* slot.c */
 void wrcd_pack(const wrcd_train *t, int number, int64_t counter, const double told[WRCD_TOLD_COUNT], uint8_t data[8]);
 void wrcd_slot(const wrcd_train *t, wrcd_out *out, int64_t end_us);

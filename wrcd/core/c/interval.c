@@ -54,7 +54,9 @@ static double weigh(const wrcd_estimator *e, const wrcd_design *d, int axle, con
     const double allowed = lesser(memory[PEAK_PCT], exp(own.log_pct + lesser(ALLOWED * own.sigma, lifts)));
     const double carried = fmax(100.0 * m->lasting, allowed), mu = lesser(greater(from_rules, carried), 100.0);
     double spread = greater(SIGMAS * own.sigma, (mu - from_rules) / mu);
-    const double newest_pct = fmax(recent->mu_pct, carried), reach = mu - newest_pct * (1.0 - NEWEST_SHARE * recent->spread);
+    const double newest_pct = fmax(recent->mu_pct, carried);
+    out->reaches_pct = newest_pct * (1.0 - NEWEST_SHARE * recent->spread);
+    const double reach = mu - out->reaches_pct;
 
     if (reach > spread * mu)
         spread = reach / mu;
@@ -82,6 +84,7 @@ void wrcd_estimate(const wrcd_estimator *e, const wrcd_design *d, wrcd_adhesion 
             out->mu_from_rules_pct = best.mu_pct;
             out->mu_available_pct = isnan(best.mu_pct) ? NAN : lesser(fmax(best.mu_pct, out->used_pct), 100.0);
             out->doubt = out->regime = 0.0;
+            out->reaches_pct = NAN;
             spread = best.spread;
         } else {
             spread = weigh(e, d, axle, &m, &best, &recent, out);

@@ -105,6 +105,7 @@ bool wrcd_memory_fuse(double m[WRCD_REMEMBERED], rail_word own, bool whole, rail
     m[WEIGHED] = anew ? 0.0 : weighed;
     m[PEAK_PCT] = at_peak ? in_use : m[PEAK_PCT] * erodes;
     m[PEAK_AGE_S] = since_s;
+    m[SINCE_M] = anew || begins || !usable ? 0.0 : m[SINCE_M] + step_s * speed_m_s;
     return anew;
 }
 

@@ -101,7 +101,7 @@ void wrcd_rules_ask_both(const wrcd_estimator *e, const wrcd_design *d, int axle
 
 /* memory.c */
 static const double SIGMAS = 1.645; /* in the half-width of a 90 % interval */
-enum { PRECISION, WEIGHED, PEAK_PCT, PEAK_AGE_S, ANOTHER }; /* what is remembered */
+enum { PRECISION, WEIGHED, PEAK_PCT, PEAK_AGE_S, ANOTHER, SINCE_M }; /* what is remembered */
 typedef struct { double log_pct, sigma; } rail_word;
 rail_word wrcd_memory_word(const window_answer *a);
 rail_word wrcd_memory_spoken(double precision, double weighed, rail_word own, bool whole, double *share);

@@ -33,8 +33,8 @@ static int confidence_of(const wrcd_settings *s, double half_width_pp, int befor
 
 static double finite_or_nan(double x) { return isfinite(x) ? x : NAN; }
 
-/* An axle at a slot. a: its estimate, NULL without one. */
-static void report_of(const wrcd_train *t, int axle, int64_t end_us, const wrcd_adhesion *a, wrcd_report *r)
+/* An axle at a slot. a: its estimate, NULL without one; own: what it says alone. */
+static void report_of(const wrcd_train *t, int axle, int64_t end_us, const wrcd_adhesion *a, const axle_words *own, wrcd_report *r)
 {
     const wrcd_axle_state *state = &t->axle[axle];
     const wrcd_settings *s = t->settings;
@@ -46,7 +46,7 @@ static void report_of(const wrcd_train *t, int axle, int64_t end_us, const wrcd_
     r->axle = axle;
     r->sample_age_ms = wrcd_age_ms(t, axle, end_us);
     r->validity = wrcd_verdict(state->standing, a, &r->cause);
-    r->mu_available_pct = NAN;
+    r->mu_available_pct = r->own_pct = r->own_half_width_pp = r->most_used_pct = NAN;
     r->mu_used_pct = isnan(used) ? NAN : fmin(used, 100.0);
     if (a == NULL)
         return;
@@ -54,6 +54,11 @@ static void report_of(const wrcd_train *t, int axle, int64_t end_us, const wrcd_
     const bool is_known = !isnan(mu), is_sure = is_known && r->validity == WRCD_VALID;
     r->has_estimate = 1;
     r->estimate = *a;
+    r->own_pct = finite_or_nan(own->pct);
+    r->own_half_width_pp = finite_or_nan(own->half_width_pp);
+    r->most_used_pct = own->most_used_pct;
+    r->most_used_axle = isnan(own->most_used_pct) ? 0 : own->most_used_axle;
+    r->axles = own->axles;
     r->mu_available_pct = mu;
     if (is_sure) /* what the newest torque is beyond the newest part's mean turns the wheel, or is its sensor's noise */
         r->mu_used_pct = isnan(r->mu_used_pct) ? NAN : fmin(r->mu_used_pct, mu);
@@ -74,6 +79,15 @@ static void tell_adhesion(const wrcd_report *r, double told[WRCD_TOLD_COUNT])
     told[WRCD_TOLD_Surface] = r->surface;
     told[WRCD_TOLD_ContactState] = r->contact;
     told[WRCD_TOLD_Confidence] = r->confidence;
+}
+
+static void tell_own(const wrcd_report *r, double told[WRCD_TOLD_COUNT])
+{
+    told[WRCD_TOLD_MuAvailableOwn] = r->own_pct;
+    told[WRCD_TOLD_HalfWidthOwn] = r->own_half_width_pp;
+    told[WRCD_TOLD_AxlesFused] = r->axles;
+    told[WRCD_TOLD_MuUsedMost] = r->most_used_pct;
+    told[WRCD_TOLD_MuUsedMostAxle] = r->most_used_axle;
 }
 
 /* Why an axle's adhesion is what it is; without an estimate only the cause and which inputs are stale. More in use than
@@ -225,13 +239,15 @@ static void make(const wrcd_train *t, wrcd_out *out, int number, int64_t stamp_u
     wrcd_pack(t, number, counter, told, made->data);
 }
 
-static bool any_is_due(const wrcd_train *t, int64_t end_us, bool of_axles[3])
+static bool any_is_due(const wrcd_train *t, int64_t end_us, bool of_axles[WRCD_KINDS_OF_AXLES])
 {
-    of_axles[0] = of_axles[1] = of_axles[2] = false;
+    bool any = false;
+
+    memset(of_axles, 0, WRCD_KINDS_OF_AXLES * sizeof *of_axles);
     for (int k = 0; k < t->settings->sent; k++)
-        if (t->sent[k].kind <= WRCD_INPUTS_SEEN && is_slot(t, t->sent[k].cycle_us, end_us))
-            of_axles[t->sent[k].kind] = true;
-    return of_axles[0] || of_axles[1] || of_axles[2];
+        if (t->sent[k].kind < WRCD_KINDS_OF_AXLES && is_slot(t, t->sent[k].cycle_us, end_us))
+            any = of_axles[t->sent[k].kind] = true;
+    return any;
 }
 
 /* Where each axle stands; whose standing differs from that at the slot before; whether any has an estimate. */
@@ -256,7 +272,8 @@ void wrcd_slot(const wrcd_train *t, wrcd_out *out, int64_t end_us)
 {
     double told[WRCD_MAX_AXLES + 1][WRCD_TOLD_COUNT];
     wrcd_adhesion adhesion[WRCD_MAX_AXLES];
-    bool has_changed[WRCD_MAX_AXLES], is_due[3];
+    axle_words own[WRCD_MAX_AXLES];
+    bool has_changed[WRCD_MAX_AXLES], is_due[WRCD_KINDS_OF_AXLES];
     const int n = t->settings->axles, first = (int)out->counts[WRCD_OUT_REPORTS];
 
     if (any_is_due(t, end_us, is_due)) {
@@ -264,10 +281,12 @@ void wrcd_slot(const wrcd_train *t, wrcd_out *out, int64_t end_us)
         if (stand(t, has_changed)) {
             wrcd_estimate(t->estimator, t->design, adhesion);
             widen(t, adhesion);
+            wrcd_axles_fuse(t, adhesion, own);
         }
         for (int axle = 0; axle < n; axle++) {
-            report_of(t, axle, end_us, t->axle[axle].has_estimate ? &adhesion[axle] : NULL, &report[axle]);
+            report_of(t, axle, end_us, t->axle[axle].has_estimate ? &adhesion[axle] : NULL, &own[axle], &report[axle]);
             tell_adhesion(&report[axle], told[axle]);
+            tell_own(&report[axle], told[axle]);
             if (is_due[WRCD_DETAIL] || is_due[WRCD_INPUTS_SEEN]) {
                 tell_detail(t, &report[axle], told[axle]);
                 tell_inputs(t, &report[axle], told[axle]);

@@ -99,6 +99,7 @@ enum wrcd_validity { WRCD_NOT_AVAILABLE, WRCD_VALID, WRCD_DEGRADED };
     F(Residual1) F(Residual2) F(Residual3) F(Residual4) F(Cause)                                   \
     F(Plausibility) F(Outlier) F(Unchanged) F(ReachYawRate) F(ReachLatAccel) F(ReachTorque)        \
     F(ReachSpeed) F(RefusedYawRate) F(RefusedLatAccel) F(RefusedTorque) F(RefusedSpeed)            \
+    F(MuAvailableOwn) F(HalfWidthOwn) F(AxlesFused) F(MuUsedMost) F(MuUsedMostAxle)                \
     F(State) F(DesignFit) F(Overruns) F(RejectedFrames) F(LastReason) F(ReceiveDrops) F(Reopens) F(DesignChecksum) \
     F(RejectedKind) F(RejectedLength) F(RejectedCrc) F(RejectedDataId) F(RejectedRepeat)           \
     F(RejectedCounter) F(RejectedTwoSenders) F(RejectedStatus) F(RejectedRange) F(RejectedNotFinite) \
@@ -110,7 +111,7 @@ enum wrcd_told { WRCD_TOLD(WRCD_TELL) WRCD_TOLD_COUNT };
 enum { WRCD_MAX_WORDS = 32, WRCD_MAX_SENT_BYTES = 8, WRCD_MAX_SIGNALS = 128 /* mapped, of a message */ };
 
 /* A message that is sent: of an axle, or of the daemon (-1). Start: its bytes before the values are put in. */
-enum { WRCD_ADHESION, WRCD_DETAIL, WRCD_INPUTS_SEEN, WRCD_DAEMON, WRCD_REJECTS };
+enum { WRCD_ADHESION, WRCD_DETAIL, WRCD_INPUTS_SEEN, WRCD_OWN_WORD, WRCD_DAEMON, WRCD_REJECTS, WRCD_KINDS_OF_AXLES = WRCD_DAEMON };
 #define WRCD_SENT(F)                                                                               \
     F(int64_t, cycle_us, ) F(uint32_t, word, ) F(int32_t, axle, ) F(int32_t, kind, ) F(int32_t, length, ) \
     F(int32_t, is_protected, ) F(int32_t, crc_start, ) WRCD_RANGE_OF(F, told)                       \
@@ -129,11 +130,12 @@ enum { WRCD_ADHESION, WRCD_DETAIL, WRCD_INPUTS_SEEN, WRCD_DAEMON, WRCD_REJECTS }
     F(double, min_speed_m_s, ) F(double, speed_low_m_s, ) F(double, speed_high_m_s, )              \
     F(double, start, [WRCD_QUANTITIES] /* of what no signal tells, or none has told */)            \
     F(double, load_N, ) F(double, radius_m, ) F(double, load_shares, [2]) F(double, radius_shares, [2]) \
+    F(double, position_m, [WRCD_MAX_AXLES] /* forward; NaN: not known */) F(int32_t, number, [WRCD_MAX_AXLES])     \
     F(double, surface_pct, [WRCD_MAX_WORDS]) F(double, confidence_pp, [WRCD_MAX_WORDS])            \
     F(int32_t, surfaces, ) F(int32_t, confidences, ) F(int32_t, axles, ) F(int32_t, bogies, ) F(int32_t, messages, ) \
     F(int32_t, inputs, ) F(int32_t, statuses, ) F(int32_t, sent, ) F(int32_t, window_ticks, )      \
     F(int32_t, recent_ticks, ) F(int32_t, torque_is_total, ) F(int32_t, torque_sign_counts, )      \
-    F(int32_t, speed_tells_direction, )                                                            \
+    F(int32_t, speed_tells_direction, ) F(int32_t, is_placed, /* and speed and direction are known */)                 \
     F(int32_t, input_of, [WRCD_QUANTITIES][WRCD_MAX_AXLES] /* the first of those that add up; -1: not mapped */)
 
 /* An axle: its Validity, as validity.c counts it, and what was told of it at the newest slot. */
@@ -205,7 +207,9 @@ enum wrcd_fit_verdict { WRCD_FIT_UNKNOWN, WRCD_FIT_LIKE, WRCD_FIT_UNSURE, WRCD_F
 
 /* An axle at a slot; NaN is not available. estimate: what it was made from, where there is one. */
 #define WRCD_REPORT(F)                                                                             \
-    F(int64_t, time_us, ) F(double, mu_available_pct, ) F(double, mu_used_pct, ) F(int32_t, axle, ) \
+    F(int64_t, time_us, ) F(double, mu_available_pct, ) F(double, mu_used_pct, ) F(double, own_pct, )  \
+    F(double, own_half_width_pp, ) F(double, most_used_pct, ) F(int32_t, most_used_axle, ) F(int32_t, axles, )      \
+    F(int32_t, axle, ) \
     F(int32_t, validity, ) F(int32_t, cause, ) F(int32_t, sample_age_ms, ) F(int32_t, surface, )   \
     F(int32_t, contact, ) F(int32_t, confidence, ) F(int32_t, is_short, ) F(int32_t, has_estimate, ) F(int32_t, reserved, )
 
@@ -262,7 +266,7 @@ typedef struct {
     const int64_t *number;       /* of multiplexers, unusable raw values, words of statuses, starts of other CRCs */
     const int64_t *word;         /* two each: raw value, whether it is reverse */
     const int32_t *rule;         /* statuses of inputs, and those that a message tells */
-    const wrcd_sent *sent;       /* of a kind by axles: adhesion, detail, inputs; then the daemon's */
+    const wrcd_sent *sent;       /* of a kind by axles: adhesion, detail, inputs, own words; then the daemon's */
     const wrcd_told_field *told;
     const wrcd_fit_table *fit;
     const wrcd_design *design;

@@ -53,7 +53,7 @@ enum {
     WRCD_PAIR_SPANS = 25, /* that are kept */
     WRCD_PAIR_FEATURES = 170,
     WRCD_MAX_HIDDEN = 128,
-    WRCD_REMEMBERED = 5
+    WRCD_REMEMBERED = 6
 };
 
 /* A table over growing speeds (m/s), linear between them, held at its ends: rows of `width` numbers. */
@@ -216,7 +216,8 @@ enum wrcd_doubt { WRCD_NO_DOUBT, WRCD_NO_RULE, WRCD_BEYOND_TRAINING, WRCD_HARSH,
     F(window_s, )                                                                              \
     F(mu_from_rules_pct, )                                                                     \
     F(live_share, )                                                                            \
-    F(regime, )
+    F(regime, )                                                                                \
+    F(reaches_pct, )
 #define WRCD_DECLARE(name, dimensions) double name dimensions;
 typedef struct { WRCD_ESTIMATE(WRCD_DECLARE) } wrcd_adhesion;
 #undef WRCD_DECLARE

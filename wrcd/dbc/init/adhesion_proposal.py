@@ -42,6 +42,7 @@ def propose_adhesion(draft: Proposal, dbc: DbcText, number: int, axles: int) -> 
     """Write what axle `number` of so many sends."""
     found = [m for m in dbc.messages if is_adhesion(m)]
     mine = [m for m in found if numbers(m.name, "")[0] == number] or (found if axles == 1 else [])
+    mine = [m for m in mine if _has_our_names(m)] or mine
     about = f"axle {number}, adhesion"
     if not mine:
         rest = f" ({', '.join(m.name for m in found[:5])})" if found else ""
