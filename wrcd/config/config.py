@@ -193,8 +193,8 @@ def _unplaced(train: ConfiguredTrain, one_way: bool, database: Database) -> list
         "nothing tells which way the train runs; write one_way = true in [vehicle] if it never runs in reverse, "
         "or map vehicle.direction": not knows_way,
     }
-    of = "axle.position_m counts for nothing, each axle stands alone"
-    return [f"{of}: {next(text for text, holds in why.items() if holds)}"] if placed and any(why.values()) else []
+    reason = next((text for text, holds in why.items() if holds), "")
+    return [f"axle.position_m counts for nothing, each axle stands alone: {reason}"] if placed and reason else []
 
 
 def _interface(bus: Section) -> str:

@@ -25,7 +25,9 @@ YAW, LAT, TORQUE, SPEED, BRAKE, LOAD, DIRECTION, RADIUS = range(len(QUANTITIES))
 # What no vehicle changes by from one frame to the next (or within 0.1 s, if that is longer).
 MAX_STEP = {TORQUE: 4000.0, BRAKE: 4000.0, SPEED: 1.0, LOAD: 20_000.0, RADIUS: 0.02}
 _OWN = ("status_message", "rejects_message", "link_message")
-_KINDS = dict(zip((*AXLE_OUTPUTS, *_OWN), (0, 1, 2, 3, 4, 5, 4), strict=True))
+_KINDS = {
+    "adhesion": 0, "detail": 1, "inputs": 2, "own": 3, "status_message": 4, "rejects_message": 5, "link_message": 4,
+}  # fmt: skip
 _UNSIGNED, _SIGNED, _FLOAT = range(3)
 Records = np.ndarray[Any, Any]
 Tables = dict[str, Records]

@@ -1,16 +1,19 @@
 /* The axles of a train on one rail share their words.
  *
- * An axle's word holds of the rail from where its memory began to where it stands. Two axles are on one rail where no memory
- * began between them, and none of them that is ahead is saturated: slip cleans a rail. On one rail the words are averaged in log adhesion, each weighed by its spread; a word that lies far from
- * the axle's own is of another rail, or of broken sensors, and stays out. What is wrong in one word is partly wrong in the
- * others: the interval is no narrower for their number. It reaches as far down as the axle's own newest part says.
- * What one of them uses ahead is available here, not the other way round. A saturated axle keeps its own word. Where axles ahead have found a worse rail, this one goes by them as soon as it stands on
- * it. */
+ * An axle's word holds of the rail from where its memory began to where it stands. Two axles are on one rail where no
+ * memory began between them, and none of them that is ahead is saturated: slip cleans a rail.
+ * On one rail the words are averaged in log adhesion, each weighed by its spread. A word far from the axle's own is of
+ * another rail or of broken sensors: it counts less, and then not at all. What is wrong in one word is partly wrong in
+ * the others: the interval is no narrower for their number. It reaches as far down as the axle's own newest part says.
+ * What one of them uses ahead is available here, not the other way round.
+ * A saturated axle keeps its own word. Where axles ahead have found a worse rail, this one goes by them as soon as it
+ * stands on it. */
 #include "core.h"
 
 static const double LATE_S = 0.3;        /* by so much axles may find one change of the rail apart */
 static const double LEAST_SPREAD = 0.03; /* no word weighs more than one of such a half-width, over the adhesion */
-static const double DISAGREE = 2.5;      /* standard deviations, of both: a word so far from the own does not count; up to one less it does */
+/* Standard deviations, of both: a word so far from the own does not count, one that is nearer by one counts in full. */
+static const double DISAGREE = 2.5;
 static const double WORSE = 1.0;         /* standard deviations, of both, that a worse rail's words lie below the own */
 
 typedef struct { double place_m, began_m, log_pct, spread; } axle_word;

@@ -9,7 +9,7 @@
 #include "parts.h"
 #include "wrcd.h"
 
-enum { COUNTER_MODULO = 15, NO_SENDER = -1 };
+enum { COUNTER_MODULO = 15, NO_SENDER = -1, KINDS_OF_AXLES = WRCD_DAEMON /* messages of axles come first */ };
 /* What Python and its words go by, too: wrcd_constant() tells it. */
 enum {
     FORWARD_STEP_US = 1000000, /* a stamp, or the clock, further ahead of the open tick than this is a step of time */

@@ -239,13 +239,13 @@ static void make(const wrcd_train *t, wrcd_out *out, int number, int64_t stamp_u
     wrcd_pack(t, number, counter, told, made->data);
 }
 
-static bool any_is_due(const wrcd_train *t, int64_t end_us, bool of_axles[WRCD_KINDS_OF_AXLES])
+static bool any_is_due(const wrcd_train *t, int64_t end_us, bool of_axles[KINDS_OF_AXLES])
 {
     bool any = false;
 
-    memset(of_axles, 0, WRCD_KINDS_OF_AXLES * sizeof *of_axles);
+    memset(of_axles, 0, KINDS_OF_AXLES * sizeof *of_axles);
     for (int k = 0; k < t->settings->sent; k++)
-        if (t->sent[k].kind < WRCD_KINDS_OF_AXLES && is_slot(t, t->sent[k].cycle_us, end_us))
+        if (t->sent[k].kind < KINDS_OF_AXLES && is_slot(t, t->sent[k].cycle_us, end_us))
             any = of_axles[t->sent[k].kind] = true;
     return any;
 }
@@ -273,7 +273,7 @@ void wrcd_slot(const wrcd_train *t, wrcd_out *out, int64_t end_us)
     double told[WRCD_MAX_AXLES + 1][WRCD_TOLD_COUNT];
     wrcd_adhesion adhesion[WRCD_MAX_AXLES];
     axle_words own[WRCD_MAX_AXLES];
-    bool has_changed[WRCD_MAX_AXLES], is_due[WRCD_KINDS_OF_AXLES];
+    bool has_changed[WRCD_MAX_AXLES], is_due[KINDS_OF_AXLES];
     const int n = t->settings->axles, first = (int)out->counts[WRCD_OUT_REPORTS];
 
     if (any_is_due(t, end_us, is_due)) {

@@ -111,7 +111,7 @@ enum wrcd_told { WRCD_TOLD(WRCD_TELL) WRCD_TOLD_COUNT };
 enum { WRCD_MAX_WORDS = 32, WRCD_MAX_SENT_BYTES = 8, WRCD_MAX_SIGNALS = 128 /* mapped, of a message */ };
 
 /* A message that is sent: of an axle, or of the daemon (-1). Start: its bytes before the values are put in. */
-enum { WRCD_ADHESION, WRCD_DETAIL, WRCD_INPUTS_SEEN, WRCD_OWN_WORD, WRCD_DAEMON, WRCD_REJECTS, WRCD_KINDS_OF_AXLES = WRCD_DAEMON };
+enum { WRCD_ADHESION, WRCD_DETAIL, WRCD_INPUTS_SEEN, WRCD_OWN_WORD, WRCD_DAEMON, WRCD_REJECTS };
 #define WRCD_SENT(F)                                                                               \
     F(int64_t, cycle_us, ) F(uint32_t, word, ) F(int32_t, axle, ) F(int32_t, kind, ) F(int32_t, length, ) \
     F(int32_t, is_protected, ) F(int32_t, crc_start, ) WRCD_RANGE_OF(F, told)                       \
