@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim_ecu.physics.inertial import InertialStream
 from sim_ecu.physics.simulation import Axle, Samples, Simulation
@@ -105,13 +106,17 @@ class Player:
 
     def measured(self) -> Iterator[SensorSample]:
         """Yield what the sensors measure, sample by sample, before any fault."""
+        for due_us, speed, readings in self.measured_chunks():
+            for due, v, of in zip(due_us.tolist(), speed.tolist(), readings.tolist(), strict=True):
+                own = tuple(Reading(a.number, *row) for a, row in zip(self._axles, of, strict=True))
+                yield SensorSample(due, v, own)
+
+    def measured_chunks(self) -> Iterator[tuple[NDArray[np.int64], FloatArray, FloatArray]]:
+        """Yield the same by chunks of samples: their ends (n,), us; speed (n,); columns of a Reading (n, axles, 6)."""
         for first in range(0, self.samples, self._chunk):
             numbers = np.arange(first + 1, min(first + self._chunk, self.samples) + 1)
             t: FloatArray = numbers.astype(np.float64) * (SAMPLE_US * 1e-6)
             s = self._simulation.advance(self.scenario.commands(t), self.scenario.held_speed(t))
             speed = self._axles[0].sensors.speed.measure(s.speed_m_s, self._speed_rng)
             readings = [sensing.readings(s, place) for place, sensing in enumerate(self._sensing)]
-            rows = np.stack(readings, axis=1).tolist()
-            for k, of, v in zip(numbers.tolist(), rows, speed.tolist(), strict=True):
-                own = tuple(Reading(a.number, *row) for a, row in zip(self._axles, of, strict=True))
-                yield SensorSample(k * SAMPLE_US, v, own)
+            yield numbers * SAMPLE_US, speed, np.stack(readings, axis=1)

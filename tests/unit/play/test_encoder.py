@@ -4,7 +4,17 @@ import numpy as np
 import pytest
 from cantools.database.can import Message
 
-from sim_ecu.play.encoder import SAMPLE_US, Channel, Sent, data_id, databases, protect
+from sim_ecu.play.encoder import (
+    SAMPLE_US,
+    Channel,
+    Encoder,
+    Reading,
+    SensorSample,
+    Sent,
+    data_id,
+    databases,
+    protect,
+)  # fmt: skip
 
 
 def by_the_libraries(message: Message, due_us: int, values: dict[str, float]) -> Sent:
@@ -43,3 +53,19 @@ def test_halves_and_ends_are_rounded_as_cantools_does(raw: float) -> None:
     message, due_us = message_of("YawRate_A1"), 3 * SAMPLE_US
     channel, value = Channel(message), raw * float(message.get_signal_by_name("YawRate").scale)
     assert channel.encode(due_us, {"YawRate": value}) == by_the_libraries(message, due_us, {"YawRate": value})
+
+
+def test_frames_of_many_samples_at_once_are_those_one_by_one() -> None:
+    n, rng = 60, np.random.default_rng(7)
+    due_us, speed, readings = SAMPLE_US * np.arange(1, n + 1), rng.uniform(0, 60, n), rng.normal(0, 3, (n, 2, 6))
+    readings[..., 2] *= 2e4
+    one_by_one, at_once = Encoder([1, 3], truth=False, counter=4), Encoder([1, 3], truth=False, counter=4)
+    expected = [
+        (f.due_us, f.can_id, f.data)
+        for t, v, of in zip(due_us.tolist(), speed.tolist(), readings.tolist(), strict=True)
+        for f in one_by_one.frames(SensorSample(t, v, (Reading(1, *of[0]), Reading(3, *of[1]))))
+    ]
+    found = at_once.frames_of(due_us, speed, readings)
+    assert [(f["due_us"], f["can_id"], f["data"][: f["length"]].tobytes()) for f in found] == expected
+    with pytest.raises(ValueError, match="truth"):
+        Encoder([1]).frames_of(due_us, speed, readings)
