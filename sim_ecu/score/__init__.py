@@ -2,8 +2,9 @@
 
 SUITES = (
     "paper", "grid", "robust", "rough", "harsh", "slow", "worlds", "long", "canted", "peak", "transitions", "drops",
-    "cycles", "dead", "foreign", "dry-hours",
+    "cycles", "dead", "foreign", "dry-hours", "map",
 )  # fmt: skip
-# Of a train, whatever the design's vehicle is; played only where requested: it takes a quarter of an hour on two cores.
-WORLDS = "worlds"
+# Of a train, whatever the design's vehicle is; played only where requested: each takes up to a quarter of an hour.
+WORLDS, MAP = "worlds", "map"
+ON_REQUEST = (WORLDS, MAP)
 MISSED = "missed"  # what --fail-on may name

@@ -9,8 +9,11 @@ import numpy as np
 from sim_ecu.design.brief import Recipe
 from sim_ecu.design.cases import SEEDS_PER_PLAN
 from sim_ecu.reporting.values import Figure
+from sim_ecu.score import MAP
+from sim_ecu.score.map_play import Passage
 from sim_ecu.score.metrics import accuracy, bootstrap, change_metrics, honesty
 from sim_ecu.score.metrics.accuracy import OURS, JudgedFrames, gather
+from sim_ecu.score.metrics.map_metrics import map_figures
 from sim_ecu.score.score_goals import goals
 from sim_ecu.score.score_play import Trace
 from sim_ecu.score.suites import PAIRED
@@ -28,12 +31,15 @@ BROKEN = ("dead", "foreign")  # suites in which an accusation is right
 MEMS, TACTICAL = "mems", "tactical"
 
 
-def judge(traces: Sequence[Trace], source: Recipe, suite: str | None = None, quick: bool = False) -> dict[str, Any]:
+def judge(
+    played: Sequence[Trace | Passage], source: Recipe, suite: str | None = None, quick: bool = False
+) -> dict[str, Any]:
     """All figures of the suites that were played (or of one, whose twins in the grid were played along), by suite.
 
     Errors are in percentage points. Leaves are Figures, numbers and words.
     """
     design = source.design
+    traces, passages = [t for t in played if isinstance(t, Trace)], [p for p in played if isinstance(p, Passage)]
     by_suite: dict[str, list[Trace]] = {}
     for t in traces:
         by_suite.setdefault(t.suite, []).append(t)
@@ -56,6 +62,8 @@ def judge(traces: Sequence[Trace], source: Recipe, suite: str | None = None, qui
             shown[name]["not_valid_of"] = {"all": honesty.not_valid(gather(part))} | {
                 group: honesty.not_valid(gather(of_group)) for group, of_group in _groups(part).items()
             }
+    if passages:
+        shown[MAP] = map_figures(passages)
     sound = [t for name, part in by_suite.items() if name in shown and name not in BROKEN for t in part]
     accused = honesty.accused(sound) if sound else None
     return {

@@ -14,8 +14,9 @@ from sim_ecu.jobs.whole import Missing, Piece, every, left_out, not_whole
 from sim_ecu.reporting.result_files import check_output, status_by_goals, write_json
 from sim_ecu.reporting.table import markdown
 from sim_ecu.reporting.values import number, share
-from sim_ecu.score import SUITES
+from sim_ecu.score import MAP, SUITES
 from sim_ecu.score.baselines import PAPER, Baseline, Beside, TorqueRatio, fitting
+from sim_ecu.score.map_play import Passage, play_passage
 from sim_ecu.score.metrics import bootstrap
 from sim_ecu.score.metrics.accuracy import OURS, accuracy, gather
 from sim_ecu.score.metrics.honesty import own_coverage
@@ -23,6 +24,7 @@ from sim_ecu.score.report import judge
 from sim_ecu.score.score_play import Trace, play
 from sim_ecu.score.sections import sections, warnings
 from sim_ecu.score.suites import PAIRED, runs
+from sim_ecu.score.suites.map_passages import PassageRun
 from sim_ecu.score.suites.run import TEST, Run
 from sim_ecu.score.suites.worlds import WORLDS
 from wrcd import resources
@@ -49,10 +51,13 @@ class ScoreRequest:
 
 def run(
     suite: str | None, quick: bool, jobs: int, design: Path, beside: Sequence[str],
-    json_out: Path | None, fail_on: str | None,
+    json_out: Path | None, fail_on: str | None, picture: Path | None = None,
 ) -> int:  # fmt: skip
-    """Play, judge, print; write the figures as JSON where requested."""
+    """Play, judge, print; write the figures as JSON and the suite map's picture where requested."""
     check_output("--json", json_out)
+    check_output("--picture", picture)
+    if picture is not None and suite != MAP:
+        raise InputError("is of the suite map", key="--picture", hint=f"--suite {MAP}")
     others = [_named(b) for b in beside]
     papers = paper_form_of(design)
     if papers is not None:
@@ -61,15 +66,19 @@ def run(
     source = load_source(request.design)
     _world(request)  # bad files are reported here, before anything is played
     began = time.monotonic()
-    traces, missing = _play_all(list(runs(source, suite, QUICK if quick else 1.0)), jobs, request)
+    played, missing = _play_all(list(runs(source, suite, QUICK if quick else 1.0)), jobs, request)
     holed = _holed(missing, suite)
-    traces = [t for t in traces if t.suite not in holed]
+    played = [p for p in played if p.suite not in holed]
     about = {"quick": quick, "jobs": jobs, "left_out": left_out(missing, holed)}
-    result: dict[str, Any] = {"run": about} | judge(traces, source, suite, quick)
+    result: dict[str, Any] = {"run": about} | judge(played, source, suite, quick)
     result["run"]["seconds"] = round(time.monotonic() - began)
     if result["suites"]:
         print("\n".join([*(f"{word}: {text}\n" for word, text in warnings(result)), *markdown(sections(result))]))
         write_json(result, json_out)
+        if picture is not None:
+            from sim_ecu.score.map_drawing import write_picture  # half a second
+
+            write_picture(result["suites"][MAP], picture)
     if missing:
         raise not_whole(missing)
     return status_by_goals(fail_on, result["goals"])
@@ -83,9 +92,10 @@ def short(design: Path, jobs: int) -> str:
         plays = list(islice(runs(source, "grid", 1.0), SHORT))
     else:
         plays = [WORLDS[0].play(source, TEST, k) for k in range(SHORT)]
-    traces, missing = _play_all(plays, jobs, ScoreRequest(design, ()))
+    played, missing = _play_all(plays, jobs, ScoreRequest(design, ()))
     if missing:
         raise not_whole(missing)
+    traces = [t for t in played if isinstance(t, Trace)]
     f = gather(traces)
     error = accuracy(f, OURS)
     return (
@@ -116,10 +126,10 @@ def _named(text: str) -> tuple[str, Path]:
     return name, design_path(design)
 
 
-def _play_all(runs: Sequence[Run], jobs: int, request: ScoreRequest) -> tuple[list[Trace], Sequence[Missing]]:
-    """In processes of their own; the order of the traces does not depend on them. And the runs that failed."""
+def _play_all(runs: Sequence[Run], jobs: int, request: ScoreRequest) -> tuple[list[Trace | Passage], Sequence[Missing]]:
+    """In processes of their own; the order of what comes does not depend on them. And the runs that failed."""
     pieces = [Piece(r.suite, f"{r.group}, run {r.number}", r.scenario.duration_s * len(r.scenario.axles)) for r in runs]
-    found, missing = every(partial(play_one, request), runs, pieces, jobs)
+    found, missing = every(partial(play_any, request), runs, pieces, jobs)
     return [t for part in found for t in part], missing
 
 
@@ -147,7 +157,12 @@ def make_baselines(design: Design, request: ScoreRequest) -> dict[str, Baseline]
     return out
 
 
-def play_one(request: ScoreRequest, run: Run) -> list[Trace]:
+def play_any(request: ScoreRequest, run: Run) -> Sequence[Trace | Passage]:
     """What a process does with each run."""
+    return [play_passage(run, _world(request)[0])] if isinstance(run, PassageRun) else play_one(request, run)
+
+
+def play_one(request: ScoreRequest, run: Run) -> list[Trace]:
+    """Play a run of any suite but the map."""
     config, baselines, others = _world(request)
     return play(run, config, baselines if run.suite in COMPARED else {}, beside=others if run.suite in WHOLE else ())

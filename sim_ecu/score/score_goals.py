@@ -7,6 +7,7 @@ from typing import Any
 from sim_ecu.reporting.values import Figure
 from sim_ecu.reporting.verdicts import MIN_QUICK_RUNS, MIN_RUNS, Goal
 from sim_ecu.score.metrics.accuracy import OURS
+from sim_ecu.score.metrics.map_metrics import ONE, THREE
 from sim_ecu.score.suites.broken import (
     ACCELEROMETER_DIES,
     BOTH_DIE,
@@ -17,6 +18,7 @@ from sim_ecu.score.suites.broken import (
     REVERSED,
     SWAPPED,
 )  # fmt: skip
+from sim_ecu.score.suites.map_passages import WET_STRETCH
 from sim_ecu.score.suites.nominal import ROUGH_JUDGED
 from sim_ecu.score.suites.sound import LONG
 from sim_ecu.score.suites.worlds import AS_TRAINED, UNSEEN, WIDER, WORLDS, World
@@ -75,6 +77,20 @@ SCORE_GOALS: Mapping[tuple[str, ...], partial[Goal]] = {
             ("foreign", DEAD_GYRO, 0.9),
             ("foreign", DEAD_ACCELEROMETER, 0.98),
             ("foreign", NO_SENSOR, 0.99),
+        )
+    },
+    **{
+        ("map", "rows", row, family, figure): goal(f"map: {row}, {family}, {words}", bound=bound)
+        for row, family, figure, goal, words, bound in (
+            (ONE, AS_TRAINED, "found", at_least, "share of low blocks found", 0.9),
+            (ONE, UNSEEN, "found", at_least, "share of low blocks found", 0.75),
+            (THREE, AS_TRAINED, "found", at_least, "share of low blocks found", 0.97),
+            (THREE, UNSEEN, "found", at_least, "share of low blocks found", 0.88),
+            *((ONE, family, "alarms", at_most, "false alarms per 100 km", 1.0) for family in (AS_TRAINED, UNSEEN)),
+            *(
+                (WET_STRETCH.name, family, "alarms", at_most, "false alarms per 100 km", 2.0)
+                for family in (AS_TRAINED, UNSEEN)
+            ),
         )
     },
     ("dry-hours", "seconds"): never_above("dry-hours: seconds called Low or worse", bound=0.0),

@@ -7,7 +7,10 @@ from typing import Any
 from sim_ecu.reporting import verdicts
 from sim_ecu.reporting.table import Chapter, Table
 from sim_ecu.reporting.values import UNKNOWN, Figure, Rounded, Share, Value, number, share
+from sim_ecu.score import MAP
+from sim_ecu.score.low_rail import BLOCK_M
 from sim_ecu.score.metrics.accuracy import OURS, WRONG_OF_TRUTH, WRONG_PP
+from sim_ecu.score.metrics.map_metrics import AS_DRIVEN, FAMILIES
 
 QUICK = (
     "QUICK",
@@ -48,14 +51,14 @@ def sections(result: Mapping[str, Any]) -> list[Chapter]:
     for name, s in result["suites"].items():
         about, parts = _SUITES[name](s)
         out.append(Chapter(name, about, parts))
-    every = {name: s["not_valid_of"]["all"] for name, s in result["suites"].items()}
+    every = {name: s["not_valid_of"]["all"] for name, s in result["suites"].items() if name != MAP}
     lost = Table(
         ["suite", "not Valid", "a sensor accused", "causes"],
         [[name, Share(n["share"]), Share(n["accused"]), _causes(n)] for name, n in every.items()],
     )
     return [
         *out,
-        Chapter("not Valid", "share of the frames from when they are judged on", [lost]),
+        *([Chapter("not Valid", "share of the frames from when they are judged on", [lost])] if every else []),
         Chapter("goals", "what the design is held to", [verdicts.table(result["goals"])]),
     ]
 
@@ -257,9 +260,28 @@ def _dry(s: Mapping[str, Any]) -> Shown:
     )
 
 
+def _map(s: Mapping[str, Any]) -> Shown:
+    head = ["", *(f"{what}, {family}" for what in ("found", "slides find") for family in FAMILIES),
+            *(f"false alarms per 100 km, {family}" for family in FAMILIES), "film blocks", "good rail, km"]  # fmt: skip
+    rows = [
+        [name, *(Share(row[f][what]) for what in ("found", "slides") for f in FAMILIES),
+         *(Rounded(row[f]["alarms"], 1) for f in FAMILIES), sum(row[f]["found"].count for f in FAMILIES),
+         round(sum(row[f]["alarms"].count for f in FAMILIES) * BLOCK_M / 1000)]
+        for name, row in s["rows"].items()
+    ]  # fmt: skip
+    rule, either = s["rule"], {f: s["rows"][AS_DRIVEN][f]["either"] for f in FAMILIES}
+    return f"low rail of 3 to 8 % found in ordinary running, by blocks of {BLOCK_M:g} m", [
+        f"{s['passages']} passages of two bogies over {s['places']} places, {s['good_km']:.0f} km of good rail.",
+        f"Low: every axle's upper end below {rule['upper_pct']:g} %, and below {rule['of_rest']:g} times the best of "
+        "the passage's rest.",
+        Table(head, rows),
+        f"As driven, slides or wrcd: {', '.join(f'{f} {share(v)}' for f, v in either.items())}.",
+    ]  # fmt: skip
+
+
 _SUITES: dict[str, Callable[[Mapping[str, Any]], Shown]] = {
     "paper": _paper, "grid": _grid, "transitions": _transitions, "drops": _drops, "cycles": _cycles,
-    "dead": _dead, "foreign": _foreign, "dry-hours": _dry, "worlds": _worlds,
+    "dead": _dead, "foreign": _foreign, "dry-hours": _dry, "worlds": _worlds, "map": _map,
     "robust": _variants("the same conditions in a world that is not as the design thinks, mems sensors"),
     "rough": _variants("tracks smoother and rougher than any in the training, mems sensors"),
     "harsh": _variants("what a real axle box feels and the track's spectrum lacks, mems sensors"),

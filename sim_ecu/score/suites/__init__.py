@@ -4,9 +4,10 @@ from collections.abc import Callable, Iterator
 
 from sim_ecu.design.brief import Recipe
 from sim_ecu.physics.wheelset import Wheelset
-from sim_ecu.score import SUITES, WORLDS
+from sim_ecu.score import ON_REQUEST, SUITES
 from sim_ecu.score.suites.broken import dead, foreign
 from sim_ecu.score.suites.change_suites import cycles, drops, paper, transitions
+from sim_ecu.score.suites.map_passages import map_passages
 from sim_ecu.score.suites.nominal import grid, harsh, robust, rough, slow
 from sim_ecu.score.suites.run import Lot, Run, lot_of
 from sim_ecu.score.suites.sound import canted, dry_hours, long, peak
@@ -28,9 +29,10 @@ def runs(source: Recipe, suite: str | None, scale: float, number: int = 0) -> It
         "rough": lambda w, scale, lot: rough(w, scale, source.roughness, lot), "transitions": transitions,
         "drops": drops, "cycles": cycles, "slow": slow, "dead": dead, "foreign": foreign, "dry-hours": dry_hours,
         "worlds": lambda _, scale, lot: worlds(source, scale, lot),
+        "map": lambda _, scale, lot: map_passages(source, scale, lot),
     }  # fmt: skip
     if suite is None:
-        for name in (s for s in SUITES if s != WORLDS):
+        for name in (s for s in SUITES if s not in ON_REQUEST):
             yield from makers[name](w, scale, lot)
         return
     wanted = list(makers[suite](w, scale, lot))

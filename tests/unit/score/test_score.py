@@ -22,7 +22,7 @@ from sim_ecu.play.player import Player
 from sim_ecu.play.scenario import Scenario
 from sim_ecu.reporting.table import markdown
 from sim_ecu.reporting.values import plain
-from sim_ecu.score import SUITES, WORLDS, run_score, suites
+from sim_ecu.score import ON_REQUEST, SUITES, WORLDS, run_score, suites
 from sim_ecu.score.metrics import accuracy, change_metrics, honesty
 from sim_ecu.score.metrics.accuracy import OURS, gather
 from sim_ecu.score.report import judge
@@ -55,7 +55,7 @@ def every() -> dict[str, list[Run]]:
 def test_scored_runs_are_not_those_of_training(every: dict[str, list[Run]]) -> None:
     trained = {c.seed for group in draw(Plan(), W) for c in group.conditions}
     assert max(trained) < SEEDS_PER_PLAN * 1_001 < FIRST_TEST_SEED  # the largest plan seed that is taken is 1000
-    assert set(every) | {WORLDS} == set(SUITES)
+    assert set(every) | set(ON_REQUEST) == set(SUITES)
     own = ("paper", "peak", "transitions", "drops", "cycles", "dry-hours")  # suites of other conditions than the grid's
     seeds: dict[int, tuple[str, int, int]] = {}
     for suite, runs in every.items():
