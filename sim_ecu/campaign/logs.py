@@ -17,6 +17,7 @@ from sim_ecu.campaign.kind import Job, Scalar
 from sim_ecu.campaign.kinds.log import CLASSES, LOG
 from sim_ecu.campaign.row_folder import ROWS
 from sim_ecu.campaign.run_campaign import go
+from sim_ecu.campaign.track_table import by_block, draw_track, place_of, places_of, stretches
 from sim_ecu.jobs.digests import key_of
 from sim_ecu.jobs.pool import Ending
 from sim_ecu.reporting.result_files import save
@@ -27,6 +28,7 @@ SUFFIXES = (".log", ".blf", ".asc", ".mf4", ".trc", ".csv", ".db")
 # what a log of python-can begins with, where other files have the same suffix: tables, the thumbnails of a folder
 HEADS = {".csv": b"timestamp,arbitration_id,", ".db": b"SQLite format 3\0"}
 CONFIGURATION, KILOMETRES, PICTURE = "wrcd.toml", "kilometres.parquet", "adhesion.png"
+TRACK, TRACK_PICTURE = "low-rail.csv", "low-rail.png"
 COLOURS = ("#d9e8f2", "#a9cbe3", "#6ba3cf", "#3877ad", "#173f66", "#e8c48a")  # by class
 SHOWN = 20  # lines of what is wrong; trains in the picture
 
@@ -40,6 +42,7 @@ class Logs:
     configuration: Path | None
     channel: str
     limit_s: float
+    from_km: Path | None = None  # where each log begins
 
 
 def plan(logs: Logs) -> int:
@@ -64,7 +67,13 @@ def run(logs: Logs, folder: Path, jobs: int, scheduler: str | None, again: bool)
     save(folder / PICTURE, partial(_draw, table))
     suspects = pd.DataFrame([{"train": t, **s} for t, _, detail in details for s in detail["suspects"]])
     print("\n".join(_summary(rows, done, suspects)))
+    if logs.from_km is not None and details:
+        track = by_block([(train, log, detail["blocks"]) for train, log, detail in details])
+        save(folder / TRACK, partial(track.to_csv, index=False, float_format="%.4g"))
+        save(folder / TRACK_PICTURE, partial(draw_track, track))
+        print("\n".join(["", *(list(stretches(track)) or ["low rail: none"])]))
     print(f"\nrows: {folder / ROWS}\nmetres by kilometre: {folder / KILOMETRES}, {folder / PICTURE}")
+    print(f"low rail: {folder / TRACK}, {folder / TRACK_PICTURE}" if logs.from_km else "low rail: needs --from-km")
     return Status.DONE if len(done) == len(rows) else Status.STOPPED
 
 
@@ -73,6 +82,7 @@ def _campaign(logs: Logs) -> Campaign:
     configuration that has a mistake; a log that cannot be read fails in its own job."""
     root, files = _files(Path(logs.where))
     jobs: list[Job] = []
+    places = {} if logs.from_km is None else places_of(logs.from_km)
     for file in sorted(files):
         # bytes of a name that are no UTF-8 as \xff: such a log is not found, and its row says so
         name = os.fsencode(file.relative_to(root)).decode("utf-8", "backslashreplace")
@@ -80,6 +90,7 @@ def _campaign(logs: Logs) -> Campaign:
         own = next((p / CONFIGURATION for p in folders if (p / CONFIGURATION).is_file()), logs.configuration)
         inputs: dict[str, Scalar] = {"train": _train(name, root, logs.train), "log": name}
         inputs |= {"configuration": "" if own is None else os.path.relpath(own, root), "channel": logs.channel}
+        inputs |= place_of(places, name, logs.from_km) if logs.from_km is not None else {}
         try:
             jobs += jobs_of(LOG, inputs, root)
         except InputError as e:
@@ -90,7 +101,8 @@ def _campaign(logs: Logs) -> Campaign:
         hint = f"a log's name ends in {', '.join(SUFFIXES)}, or that and .gz"
         raise InputError("there is no log", file=logs.where, key="--logs", hint=hint)
     jobs.sort(key=lambda job: str(job.inputs["train"]))
-    return Campaign(f"Logs of {root}", LOG, dict.fromkeys(inputs, str), jobs, root, logs.limit_s, drops=True)
+    columns = dict.fromkeys(inputs, str) | ({} if logs.from_km is None else {"from_km": float})
+    return Campaign(f"Logs of {root}", LOG, columns, jobs, root, logs.limit_s, drops=True)
 
 
 def _files(where: Path) -> tuple[Path, list[Path]]:

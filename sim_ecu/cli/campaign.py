@@ -7,7 +7,7 @@ from sim_ecu.cli.arguments import add_jobs, check_least
 from wrcd.cli.program import Subcommand
 from wrcd.errors import InputError
 
-OF_LOGS = ("train", "config", "channel", "limit")
+OF_LOGS = ("train", "config", "channel", "limit", "from_km")
 
 
 def _add(p: argparse.ArgumentParser) -> None:
@@ -22,6 +22,7 @@ def _add(p: argparse.ArgumentParser) -> None:
     p.add_argument("--train", metavar="PATTERN", help="of --logs: expression of a path with a group `train`")
     p.add_argument("--config", type=Path, metavar="FILE", help="of --logs: where no wrcd.toml lies beside or above one")
     p.add_argument("--channel", metavar="NAME", help="of --logs: of those that have several")
+    p.add_argument("--from-km", type=Path, metavar="CSV", help="of --logs: log,from_km,direction of each, for low rail")
     p.add_argument("--limit", type=float, metavar="S", help="of --logs: one that takes longer is ended (default: 3600)")
 
 
@@ -30,7 +31,9 @@ def _run(args: argparse.Namespace) -> int:
         reason = "is missing" if args.campaign is None else "and --logs are two questions"
         raise InputError(reason, key="CAMPAIGN.toml", hint="name a campaign, or logs: --logs DIR")
     if args.logs is None and (other := next((name for name in OF_LOGS if getattr(args, name) is not None), None)):
-        raise InputError("is of --logs", key=f"--{other}", hint="a campaign says all of it in its file")
+        raise InputError(
+            "is of --logs", key=f"--{other.replace('_', '-')}", hint="a campaign says all of it in its file"
+        )
     if args.out is None and not args.dry_run:
         raise InputError("is missing", key="-o", hint="name the folder for the results; --dry-run needs none")
     check_least(args, jobs=1, limit=1)
@@ -40,7 +43,7 @@ def _run(args: argparse.Namespace) -> int:
     how = (args.out, args.jobs, args.scheduler, args.again)
     if args.logs is None:
         return run_campaign.plan(args.campaign) if args.dry_run else run_campaign.run(args.campaign, *how)
-    asked = logs.Logs(args.logs, args.train, args.config, args.channel or "", args.limit or LIMIT_S)
+    asked = logs.Logs(args.logs, args.train, args.config, args.channel or "", args.limit or LIMIT_S, args.from_km)
     return logs.plan(asked) if args.dry_run else logs.run(asked, *how)
 
 

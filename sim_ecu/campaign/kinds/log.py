@@ -10,6 +10,7 @@ import numpy as np
 
 from sim_ecu.campaign.kind import Factor, Kind, Scalar
 from sim_ecu.campaign.kinds.given import named_by
+from sim_ecu.score.low_rail import LAG_S, AxleWords, blocks_of
 from wrcd.config.config import load_config
 from wrcd.core.causes import OF_ARRIVAL, OF_SENDER, OF_SENSOR, RESERVED, Cause, Validity
 from wrcd.core.design import Design
@@ -28,6 +29,7 @@ CAUSES = {c: f"cause_{snake(c.label)}" for c in Cause if c is not Cause.NONE and
 SUSPICIOUS_S = dict.fromkeys((*OF_SENSOR, *OF_SENDER), 0.0) | dict.fromkeys(OF_ARRIVAL, 1.0)
 MIN_REFUSED_SHARE = 0.01  # of a message's frames
 KILOMETRE = 1000.0
+DIRECTIONS = UP, DOWN = "up", "down"  # whether the track's kilometres go up or down as the train runs forward
 SHARES = {v: snake(v) for v in (Validity.VALID, Validity.DEGRADED, Validity.NOT_AVAILABLE)}
 FIGURES = {
     "begin_s": float, "hours": float, "km": float, "axles": int,
@@ -51,6 +53,7 @@ def figures(inputs: Mapping[str, Any]) -> Mapping[str, Scalar]:
     seconds = sum(p["seconds"] for p in parts)
     numbers = [a.number for a in story.axles]
     detail = {
+        "blocks": _blocks(story, inputs["from_km"], inputs["direction"]) if "from_km" in inputs else [],
         "axles": [{"axle": number, "metres": p["way"]} for number, p in zip(numbers, parts, strict=True)],
         "without_frame": [a.number for a in config.axles if a.number not in numbers],
         "suspects": suspects, "warnings": story.warnings,
@@ -103,6 +106,24 @@ def _part(story: Story, axle: StoryAxle) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def _blocks(story: Story, from_km: float, direction: str) -> list[tuple[float, ...]]:
+    """What the train says of the blocks of track, rows of TrackBlocks. Places are by the way from its speed; behind a
+    hole in that none is known."""
+    way, axles, onward = story.distance, list[AxleWords](), 1.0 if direction == UP else -1.0
+    if way is None:
+        return []
+    holes_us = way.time_us[:-1][np.diff(way.time_us) > MAX_HOLD_US]
+    last_us = int(holes_us[0]) if len(holes_us) and not way.constant else story.end_us
+    behind_m = {c.number: c.position_m or 0.0 for c in story.config.axles}
+    for axle in story.axles:
+        a = axle.adhesion
+        run_m = np.interp(a.time_us - LAG_S * 1e6, way.time_us, way.values["distance_m"]) + behind_m[axle.number]
+        place_m = np.where(a.time_us <= last_us, from_km * KILOMETRE + onward * run_m, np.nan)
+        available = np.where(a.validity == VALIDITIES.index(Validity.VALID), a.available_pct, np.nan)
+        axles.append(AxleWords(place_m, available, np.where(np.isnan(a.high_pct), np.inf, a.high_pct)))
+    return list(zip(*(column.tolist() for column in blocks_of(axles)), strict=True))
+
+
 def _named(events: Iterable[Event], begin_us: int) -> Iterator[dict[str, Any]]:
     """Yield what the daemon itself named of an axle's sensors: for how long, first when, in its words."""
     for cause, least_s in SUSPICIOUS_S.items():
@@ -130,7 +151,8 @@ def _refused(story: Story) -> Iterator[dict[str, Any]]:
 LOG = Kind(
     "log",
     (Factor("train", str), Factor("log", str, needed=True, is_file=True),
-     Factor("configuration", str, is_file=True), Factor("channel", str)),
+     Factor("configuration", str, is_file=True), Factor("channel", str), Factor("from_km", float),
+     Factor("direction", str, choices=DIRECTIONS)),
     FIGURES, figures, "train", seeded=False, check=lambda inputs: float(Path(inputs["log"]).stat().st_size),
     named=named_by,
 )  # fmt: skip

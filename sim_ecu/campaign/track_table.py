@@ -1,0 +1,94 @@
+"""Low rail by kilometre, from the passages of any trains: the logs' places, a table of blocks, a picture."""
+
+import csv
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from sim_ecu.campaign.kinds.log import DIRECTIONS, KILOMETRE
+from sim_ecu.score.low_rail import BLOCK_M, TrackBlocks, is_low, is_low_by_most
+from wrcd.errors import InputError
+
+HEAD = ("log", "from_km", "direction")
+HINT = f"{','.join(HEAD)}, then for each log its path below --logs, the kilometre of its first speed, and up or down"
+LOW, GOOD = "#D55E00", "0.6"
+
+
+def places_of(file: Path) -> dict[str, dict[str, Any]]:
+    """Read where each log begins and which way its train runs. Raises InputError with file and line."""
+    try:
+        lines = list(csv.reader(file.read_text(encoding="utf-8").splitlines()))
+    except (OSError, UnicodeDecodeError) as e:
+        raise InputError(f"cannot be read: {e}", file=file, key="--from-km") from None
+    if not lines or tuple(lines[0]) != HEAD:
+        raise InputError(f"does not begin with {','.join(HEAD)}", file=file, line=1, hint=HINT)
+    found: dict[str, dict[str, Any]] = {}
+    for number, line in enumerate(lines[1:], 2):
+        try:
+            log, km, direction = line
+            found[log] = {"from_km": float(km), "direction": direction}
+        except ValueError:
+            raise InputError(f"is {','.join(line)!r}", file=file, line=number, hint=HINT) from None
+        if direction not in DIRECTIONS or not np.isfinite(found[log]["from_km"]):
+            raise InputError(f"is {','.join(line)!r}", file=file, line=number, hint=HINT)
+    return found
+
+
+def by_block(passages: Sequence[tuple[str, str, Sequence[Sequence[float]]]]) -> pd.DataFrame:
+    """Return a row for each block that a train said enough of, by kilometre.
+
+    passages: train, log, and its rows of TrackBlocks.
+    """
+    tables = []
+    for train, log, rows in passages:
+        blocks = TrackBlocks(*np.array(rows, np.float64).reshape(-1, len(TrackBlocks._fields)).T)
+        one = pd.DataFrame(blocks._asdict()).assign(train=train, log=log, low=is_low(blocks))
+        tables.append(one[one["available_pct"].notna()])
+    every = pd.concat(tables)
+    found = every.groupby("number").agg(
+        passages=("low", "size"), trains=("train", "nunique"), called_low=("low", "sum"),
+        available_pct=("available_pct", "median"),
+    )  # fmt: skip
+    found.insert(0, "km", found.index * BLOCK_M / KILOMETRE)
+    found["is_low"] = is_low_by_most(found["called_low"].to_numpy(), found["passages"].to_numpy())
+    return found.reset_index(drop=True)
+
+
+def stretches(table: pd.DataFrame) -> Iterator[str]:
+    """Yield a line for each stretch of low blocks."""
+    low = table[table["is_low"]]
+    for _, part in low.groupby((low["km"].diff() > 1.5 * BLOCK_M / KILOMETRE).cumsum()):
+        worst = part.loc[part["called_low"].idxmax()]
+        yield (
+            f"low rail: km {part['km'].iloc[0]:.1f} to {part['km'].iloc[-1] + BLOCK_M / KILOMETRE:.1f}: "
+            f"{worst['called_low']} of {worst['passages']} passages, {worst['trains']} trains, "
+            f"adhesion {part['available_pct'].median():.0f} %"
+        )
+
+
+def draw_track(table: pd.DataFrame, file: Path) -> None:
+    """Adhesion by kilometre, and how many passages there are and call a block low."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9.0, 4.5), layout="constrained")
+    adhesion, passages = figure.subplots(2, sharex=True, height_ratios=(2, 1))
+    km, width, is_low_here = table["km"], BLOCK_M / KILOMETRE, table["is_low"]
+    for colour, at, label in ((GOOD, ~is_low_here, "not low"), (LOW, is_low_here, "low in most passages")):
+        adhesion.bar(km[at], table["available_pct"][at], width, align="edge", color=colour, label=label)
+    passages.bar(km, table["passages"], width, align="edge", color=GOOD)
+    passages.bar(km, table["called_low"], width, align="edge", color=LOW)
+    adhesion.set(ylabel="adhesion, %")
+    adhesion.legend(ncols=2, loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False, fontsize="small")
+    passages.set(ylabel="passages", xlabel="km of the track")
+    passages.yaxis.get_major_locator().set_params(integer=True)
+    figure.savefig(file, format="png", dpi=120)
+
+
+def place_of(places: Mapping[str, Mapping[str, Any]], log: str, file: Path) -> Mapping[str, Any]:
+    """Return a log's place. Raises InputError for one that the file does not name."""
+    if log not in places:
+        raise InputError(f"has no line for {log}", file=file, key="--from-km", hint=HINT)
+    return places[log]
