@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from sim_ecu.campaign.kinds.log import DIRECTIONS, KILOMETRE
-from sim_ecu.score.low_rail import BLOCK_M, TrackBlocks, is_low, is_low_by_most
+from sim_ecu.score.low_rail import BLOCK_M, TrackBlocks, is_low, is_low_by_most, rule_for
 from wrcd.errors import InputError
 
 HEAD = ("log", "from_km", "direction")
@@ -42,19 +42,14 @@ def by_block(passages: Sequence[tuple[str, str, Sequence[Sequence[float]]]]) -> 
 
     passages: train, log, and its rows of TrackBlocks.
     """
-    tables = []
-    for train, log, rows in passages:
-        blocks = TrackBlocks(*np.array(rows, np.float64).reshape(-1, len(TrackBlocks._fields)).T)
-        one = pd.DataFrame(blocks._asdict()).assign(train=train, log=log, low=is_low(blocks))
-        tables.append(one[one["available_pct"].notna()])
-    every = pd.concat(tables)
-    found = every.groupby("number").agg(
-        passages=("low", "size"), trains=("train", "nunique"), called_low=("low", "sum"),
-        available_pct=("available_pct", "median"),
-    )  # fmt: skip
-    found.insert(0, "km", found.index * BLOCK_M / KILOMETRE)
-    found["is_low"] = is_low_by_most(found["called_low"].to_numpy(), found["passages"].to_numpy())
-    return found.reset_index(drop=True)
+    said, of = [(train, *row) for train, _, rows in passages for row in rows], TrackBlocks._fields
+    every, found = pd.DataFrame(said, columns=["train", *of]).astype(dict.fromkeys(of, float)), []
+    for number, group in every.dropna(subset="available_pct").groupby("number"):
+        n, blocks = len(group), TrackBlocks(*(group[name].to_numpy() for name in of))
+        low = int(is_low(blocks, rule_for(n)).sum())
+        km, trains = float(str(number)) * BLOCK_M / KILOMETRE, group["train"].nunique()
+        found.append((km, n, trains, low, float(np.median(blocks.available_pct)), bool(is_low_by_most(low, n))))
+    return pd.DataFrame(found, columns=["km", "passages", "trains", "called_low", "available_pct", "is_low"])
 
 
 def stretches(table: pd.DataFrame) -> Iterator[str]:

@@ -48,7 +48,9 @@ class LowRule(NamedTuple):
     of_rest: float
 
 
-RULE = LowRule(18.0, 0.9)  # by other places and trains than the score's: lots -1 and -2 of the suite map
+# By other places and trains than the score's: lots -1 and -2 of the suite map. Where most of three or more must agree,
+# each passage may be less sure.
+RULE, RULE_OF_THREE, THREE = LowRule(18.0, 0.9), LowRule(20.0, 1.0), 3
 
 
 def blocks_of(axles: Sequence[AxleWords]) -> TrackBlocks:
@@ -83,6 +85,11 @@ def is_low(blocks: TrackBlocks, rule: LowRule = RULE) -> BoolArray:
         return (blocks.upper_pct < rule.upper_pct) & (blocks.upper_pct < rule.of_rest * blocks.rest_pct)
 
 
-def is_low_by_most(low: IntArray, passages: IntArray | int) -> BoolArray:
+def rule_for(passages: int) -> LowRule:
+    """Return the rule by which each of a block's passages is judged, by how many there are."""
+    return RULE if passages < THREE else RULE_OF_THREE
+
+
+def is_low_by_most(low: IntArray | int, passages: IntArray | int) -> BoolArray:
     """Return whether more than half of the passages, of any trains, call a block low. low: how many do."""
     return np.asarray(2 * low > passages)

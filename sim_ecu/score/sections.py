@@ -269,11 +269,11 @@ def _map(s: Mapping[str, Any]) -> Shown:
          round(sum(row[f]["alarms"].count for f in FAMILIES) * BLOCK_M / 1000)]
         for name, row in s["rows"].items()
     ]  # fmt: skip
-    rule, either = s["rule"], {f: s["rows"][AS_DRIVEN][f]["either"] for f in FAMILIES}
+    (rule, of_three), either = (s["rule"], s["rule_of_three"]), {f: s["rows"][AS_DRIVEN][f]["either"] for f in FAMILIES}
     return f"low rail of 3 to 8 % found in ordinary running, by blocks of {BLOCK_M:g} m", [
         f"{s['passages']} passages of two bogies over {s['places']} places, {s['good_km']:.0f} km of good rail.",
         f"Low: every axle's upper end below {rule['upper_pct']:g} %, and below {rule['of_rest']:g} times the best of "
-        "the passage's rest.",
+        f"the passage's rest; in most of three passages {of_three['upper_pct']:g} % and {of_three['of_rest']:g}.",
         Table(head, rows),
         f"As driven, slides or wrcd: {', '.join(f'{f} {share(v)}' for f, v in either.items())}.",
     ]  # fmt: skip

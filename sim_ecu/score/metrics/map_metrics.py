@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.special import gammaincinv
 
 from sim_ecu.reporting.values import Figure
-from sim_ecu.score.low_rail import BLOCK_M, RULE, LowRule, TrackBlocks, is_low, is_low_by_most
+from sim_ecu.score.low_rail import BLOCK_M, RULE, LowRule, TrackBlocks, is_low, is_low_by_most, rule_for
 from sim_ecu.score.map_play import Passage
 from sim_ecu.score.metrics import bootstrap
 from sim_ecu.score.suites.map_passages import EFFORTS, FILM, IN_WORLDS, KINDS
@@ -53,8 +53,8 @@ class MapBlocks:
 
 
 def map_figures(passages: Sequence[Passage]) -> dict[str, Any]:
-    """Return the rule, the rows of the table with each family's figures, and by family what is found over false alarms,
-    in one passage and in three, as both numbers of the rule go up."""
+    """Return the rules, the rows of the table with each family's figures, and by family false alarms and what is found,
+    in one passage and in three, as both numbers of the rules go up."""
     b = MapBlocks(passages)
     place, slid, family = b.place("number"), b.own("slid"), b.place("family")
     low: BoolArray = b.own("inside") & b.place("has_film")
@@ -69,9 +69,9 @@ def map_figures(passages: Sequence[Passage]) -> dict[str, Any]:
         name: {"by": by} | {f: _found(found, slid, low & (family == f), good & (family == f), place) for f in FAMILIES}
         for name, (by, low, good) in sets.items()
     }
-    again = _same_block(place * 1000 + b.said.number, ordinary)
+    again, of_three = _same_block(place * 1000 + b.said.number, ordinary), rule_for(FILM.ordinary)
     first = again[:, 0]
-    most = is_low_by_most(found[again].sum(axis=1), again.shape[1])
+    most = is_low_by_most(is_low(b.said, of_three)[again].sum(axis=1), FILM.ordinary)
     any_slid: BoolArray = np.any(slid[again], axis=1)
     rows[THREE] = {"by": ""} | {
         f: _found(most, any_slid, (film & (family == f))[first], (good & (family == f))[first], place[first])
@@ -79,16 +79,16 @@ def map_figures(passages: Sequence[Passage]) -> dict[str, Any]:
     }  # fmt: skip
     curves: dict[str, list[list[float]]] = {f"{name}, {f}": [] for f in FAMILIES for name in (ONE, THREE)}
     for times in SWEPT:
-        called = is_low(b.said, LowRule(times * RULE.upper_pct, times * RULE.of_rest))
-        of_three = is_low_by_most(called[again].sum(axis=1), again.shape[1])
+        once, each = (is_low(b.said, LowRule(*(times * number for number in rule))) for rule in (RULE, of_three))
+        in_most = is_low_by_most(each[again].sum(axis=1), FILM.ordinary)
         for f in FAMILIES:
-            for name, says, at in ((ONE, called, slice(None)), (THREE, of_three, first)):
+            for name, says, at in ((ONE, once, slice(None)), (THREE, in_most, first)):
                 share, alarms = (says[(mask & (family == f))[at]] for mask in (film, good))
                 curves[f"{name}, {f}"].append([PER_100_KM * _mean(alarms), _mean(share)])
     return {
-        "rule": RULE._asdict(), "passages": len(passages), "places": len(np.unique(place)),
-        "good_km": float(good.sum() * BLOCK_M / 1000), "rows": {n: rows.pop(n) for n in (ONE, THREE)} | rows,
-        "curves": curves,
+        "rule": RULE._asdict(), "rule_of_three": of_three._asdict(), "passages": len(passages),
+        "places": len(np.unique(place)), "good_km": float(good.sum() * BLOCK_M / 1000),
+        "rows": {n: rows.pop(n) for n in (ONE, THREE)} | rows, "curves": curves,
     }  # fmt: skip
 
 

@@ -21,6 +21,7 @@ from sim_ecu.score.low_rail import (
     blocks_of,
     is_low,
     is_low_by_most,
+    rule_for,
 )
 from sim_ecu.score.map_drawing import write_picture
 from sim_ecu.score.map_play import Passage, play_passage
@@ -113,6 +114,8 @@ def test_words_without_a_place_are_left_out_and_places_below_zero_are_blocks() -
 
 def test_most_of_the_passages_decide() -> None:
     assert is_low_by_most(np.array([0, 1, 2, 2]), np.array([1, 2, 3, 2])).tolist() == [False, False, True, True]
+    assert rule_for(1) == rule_for(2) == RULE
+    assert all(more > one for more, one in zip(rule_for(3), RULE, strict=True))
 
 
 def test_every_world_has_every_kind_of_place_and_seeds_of_its_lot() -> None:
