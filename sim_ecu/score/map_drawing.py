@@ -23,7 +23,7 @@ def write_picture(shown: Mapping[str, Any], file: Path) -> None:
     for name, points in shown["curves"].items():
         passages, _, family = name.partition(", ")
         alarms, found = zip(*((max(x, LEAST_ALARMS), 100 * y) for x, y in points), strict=True)
-        ax.plot(alarms, found, STYLES[passages], color=COLOURS[family], label=f"wrcd, {passages}, vehicles {family}")
+        ax.plot(alarms, found, STYLES[passages], color=COLOURS[family], label=f"wrcd, {passages}, worlds {family}")
     for name, family in ((name, family) for name in STYLES for family in FAMILIES):
         of, colour = shown["rows"][name][family], COLOURS[family]
         at, ends = max(of["alarms"].value, LEAST_ALARMS), [[of["alarms"].low], [of["alarms"].high]]
@@ -38,7 +38,7 @@ def write_picture(shown: Mapping[str, Any], file: Path) -> None:
         f"Rail of 3 to 8 % in ordinary running; {shown['good_km']:.0f} km of good rail, simulated\n"
         "dots and squares: the rule, with 90 % intervals; lines: its numbers scaled", fontsize="medium",
     )  # fmt: skip
-    ax.legend(loc="center right", fontsize="small", frameon=False)
+    ax.legend(loc="lower right", bbox_to_anchor=(1.0, 0.04), fontsize="small", frameon=False)
     ax.grid(alpha=0.3)
     save(file, lambda beside: figure.savefig(beside, format="png", dpi=120))
     plt.close(figure)

@@ -24,9 +24,12 @@ from sim_ecu.physics.stability import hunting_speed_m_s
 from sim_ecu.play import scenario_keys
 from sim_ecu.play.vehicles import load_vehicle, packaged_vehicles
 from sim_ecu.reporting import verdicts
-from sim_ecu.score import SUITES, WORLDS
+from sim_ecu.score import ON_REQUEST, SUITES
+from sim_ecu.score.low_rail import RULE, RULE_OF_THREE
 from sim_ecu.score.metrics.bootstrap import NOTHING
+from sim_ecu.score.metrics.map_metrics import AS_DRIVEN, ONE, THREE
 from sim_ecu.score.score_goals import ACCUSED, SCORE_GOALS
+from sim_ecu.score.suites.map_passages import IN_WORLDS, PLACE_KINDS
 from sim_ecu.score.suites.worlds import EVERY
 from tests.matrix.expected import LONG_ROWS, ROWS
 from tests.matrix.matrix import which, whole_axle
@@ -132,7 +135,8 @@ def test_pre_commit_runs_what_make_lint_runs_and_fetches_nothing() -> None:
 @pytest.mark.parametrize("picture", [p.name for s in ("png", "svg") for p in sorted(DOCS.glob(f"*.{s}"))])
 def test_picture_of_the_pages_is_made_by_make(picture: str) -> None:
     makers = [p.stem for p in (ROOT / "tests/support").glob("*picture*.py") if f'"{picture}"' in p.read_text()]
-    assert [m for m in makers if f"-m tests.support.{m}\n" in text("Makefile")] == makers != []
+    assert [m for m in makers if f"-m tests.support.{m}\n" in text("Makefile")] == makers
+    assert makers or f" docs/{picture}\n" in text("Makefile")
 
 
 # --- README
@@ -437,10 +441,26 @@ def test_score_has_the_designs_worlds_suites_and_goals_of_the_code() -> None:
     assert [r[0] for r in rows(SCORE, "## A train") if len(r) == 6 and r[1]] == worlds
     named = (name for row in rows(SCORE) for name in row[0].split(", "))
     assert tuple(name for name in named if name in SUITES) == SUITES
-    goals = [goal for (suite, *_), goal in SCORE_GOALS.items() if suite != WORLDS]
+    goals = [goal for (suite, *_), goal in SCORE_GOALS.items() if suite not in ON_REQUEST]
     made = [goal(figure=NOTHING) for goal in (*goals, ACCUSED)]
     expected = [(g.what, verdicts.bound(g.record())) for g in made]
     assert [(r[0], r[2]) for r in rows(SCORE, "Goals of all suites; *chance* is met, within chance:")] == expected
+
+
+def test_map_of_low_rail_has_the_places_worlds_and_rule_of_the_code() -> None:
+    found = {r[0]: r for r in rows(SCORE, "## The map of low rail")}
+    assert list(found) == [ONE, THREE, *(k.name for k in PLACE_KINDS[1:]), AS_DRIVEN, f"{AS_DRIVEN}, no wheel slid"]
+    body = text(SCORE).partition("## The map of low rail")[2].partition("\n## ")[0]
+    assert all(name.partition(": ")[2] in body or name in body for name in IN_WORLDS)
+    rule = text("docs/how-to/find-low-rail.md").partition("## When a block is low")[2]
+    numbers = [f"{n:g}" for n in (RULE.upper_pct, RULE.of_rest, RULE_OF_THREE.upper_pct)]
+    assert re.findall(r"below (\d+) %, and below ([\d.]+) times|below (\d+) % and 1\.0 times", rule) == [
+        (*numbers[:2], ""), ("", "", numbers[2]),
+    ]  # fmt: skip
+    assert RULE_OF_THREE.of_rest == 1.0
+    said = text("README.md").partition("## Low rail")[2].partition("## ")[0]
+    shares = [found[row][column] for column in (1, 2) for row in (ONE, THREE)]
+    assert re.findall(r"\d+ \(\d+–\d+\)", said) == shares
 
 
 def test_figures_of_the_score_stand_elsewhere_as_they_are_there() -> None:

@@ -44,8 +44,8 @@ def to_run(page: str) -> list[Block]:
 
 # Of the slowest, other tests have the commands: tests/unit/campaign, loop/test_processes.py and tests/unit/logs.
 SLOWEST = {
-    "docs/how-to/judge-a-fleets-logs.md", "docs/how-to/run-a-campaign.md", "docs/how-to/close-the-loop.md",
-    "docs/how-to/why-it-fell.md",
+    "docs/how-to/judge-a-fleets-logs.md", "docs/how-to/find-low-rail.md", "docs/how-to/run-a-campaign.md",
+    "docs/how-to/close-the-loop.md", "docs/how-to/why-it-fell.md",
 }  # fmt: skip
 PAGES = [n for n in NAMES if n.startswith(FOLDERS) and to_run(n)]
 

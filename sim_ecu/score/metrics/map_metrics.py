@@ -14,7 +14,7 @@ from sim_ecu.reporting.values import Figure
 from sim_ecu.score.low_rail import BLOCK_M, RULE, LowRule, TrackBlocks, is_low, is_low_by_most, rule_for
 from sim_ecu.score.map_play import Passage
 from sim_ecu.score.metrics import bootstrap
-from sim_ecu.score.suites.map_passages import EFFORTS, FILM, IN_WORLDS, KINDS
+from sim_ecu.score.suites.map_passages import EFFORTS, FILM, IN_WORLDS, PLACE_KINDS
 from sim_ecu.score.suites.worlds import AS_TRAINED, UNSEEN
 
 BoolArray = NDArray[np.bool_]
@@ -132,7 +132,7 @@ def _parts(
     kind, world, inside = b.place("kind"), b.place("world"), b.own("inside")
     effort, begins, ends = b.each([p.effort for p in b.passages]), *np.transpose(b.place("film_m"))
     none = np.zeros(len(low), bool)
-    for k in KINDS[1:]:
+    for k in PLACE_KINDS[1:]:
         yield k.name, ("rail", low & (kind == k.name), good & (kind == k.name) & (inside | (k.low_pct is not None)))
     for name in IN_WORLDS:
         yield name, ("world", film & (world == name), good & (world == name))

@@ -58,7 +58,7 @@ LONG_FILM = PlaceKind("film of 0.8 to 1.5 km", 4, (3.0, 8.0), (800.0, 1500.0), 1
 CLEANED_FILM = PlaceKind("film that the first axles clean", 5, (3.0, 8.0), (100.0, 400.0), 650.0, cleaned=True)
 FAIR = PlaceKind("rail of 8 to 15 %", 5, (8.0, 15.0), (100.0, 400.0), 650.0)
 WET_STRETCH = PlaceKind("wet stretch amid dry line", 5, None, (200.0, 600.0), 1000.0)
-KINDS = (FILM, LONG_FILM, CLEANED_FILM, FAIR, WET_STRETCH)
+PLACE_KINDS = (FILM, LONG_FILM, CLEANED_FILM, FAIR, WET_STRETCH)
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +97,7 @@ def map_passages(source: Recipe, scale: float, lot: Lot = TEST) -> Iterator[Pass
     number = 0
     for name in IN_WORLDS:
         world = next(w for w in WORLDS if w.name == name)
-        for kind in KINDS:
+        for kind in PLACE_KINDS:
             for at in range(max(round(kind.places * scale), 1)):
                 yield from _passages(source, train, world, kind, at, number, lot)
                 number += 1
@@ -107,7 +107,7 @@ def _passages(
     source: Recipe, train: Wheelset, world: World, kind: PlaceKind, at: int, number: int, lot: Lot
 ) -> Iterator[PassageRun]:
     """The passages over one place."""
-    key = (14, IN_WORLDS.index(world.name), KINDS.index(kind), at)
+    key = (14, IN_WORLDS.index(world.name), PLACE_KINDS.index(kind), at)
     rng = lot.generator(*key)
     wet, share = at % 2 == 0 and kind is not WET_STRETCH, (0.5 + number * GOLDEN) % 1.0
     low, high = WET_PCT if kind.low_pct is None else kind.low_pct

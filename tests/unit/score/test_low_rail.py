@@ -32,9 +32,9 @@ from sim_ecu.score.sections import sections
 from sim_ecu.score.suites.map_passages import (
     FILM,
     IN_WORLDS,
-    KINDS,
     MAX_SPEED_M_S,
     MOST_OF_LOW,
+    PLACE_KINDS,
     WET_STRETCH,
     PassageRun,
     map_passages,
@@ -121,7 +121,7 @@ def test_most_of_the_passages_decide() -> None:
 def test_every_world_has_every_kind_of_place_and_seeds_of_its_lot() -> None:
     for number in (0, -1):
         lot, played = lot_of(number), list(map_passages(SOURCE, 0.05, lot_of(number)))
-        assert {(r.place.world, r.place.kind) for r in played} == {(w, k.name) for w in IN_WORLDS for k in KINDS}
+        assert {(r.place.world, r.place.kind) for r in played} == {(w, k.name) for w in IN_WORLDS for k in PLACE_KINDS}
         assert {r.place.family for r in played} == {AS_TRAINED, UNSEEN}
         seeds = [a.seed for r in played for a in r.scenario.axles]
         assert len(set(seeds)) == len(seeds)
