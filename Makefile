@@ -143,8 +143,8 @@ design: $(TESTS)
 	$(BIN)/sim-ecu design --config lone-wheelset -o wrcd/data/designs/lone-wheelset.design.json
 	$(BIN)/sim-ecu design --config lone-wheelset --form paper -o sim_ecu/data/lone-wheelset.paper.design.json
 
-# the tables of docs/reference/score.md, of the train, of the map with docs/low-rail.png, and of the lone wheelset; 25
-# minutes on two cores
+# the tables of docs/reference/score.md, of the train, of the map with docs/low-rail.png, and of the lone wheelset; half
+# an hour on two cores
 score: $(READY)
 	$(BIN)/sim-ecu score --suite worlds --json build/score-train.json
 	$(BIN)/sim-ecu score --suite map --json build/score-map.json --picture docs/low-rail.png
