@@ -69,11 +69,11 @@ def run(logs: Logs, folder: Path, jobs: int, scheduler: str | None, again: bool)
     print("\n".join(_summary(rows, done, suspects)))
     if logs.from_km is not None and details:
         track = by_block([(train, log, detail["blocks"]) for train, log, detail in details])
-        save(folder / TRACK, partial(track.to_csv, index=False, float_format="%.4g"))
+        save(folder / TRACK, partial(track.to_csv, index=False, float_format="%.6g"))
         save(folder / TRACK_PICTURE, partial(draw_track, track))
         print("\n".join(["", *(list(stretches(track)) or ["low rail: none"])]))
+        print(f"by kilometre: {folder / TRACK}, {folder / TRACK_PICTURE}")
     print(f"\nrows: {folder / ROWS}\nmetres by kilometre: {folder / KILOMETRES}, {folder / PICTURE}")
-    print(f"low rail: {folder / TRACK}, {folder / TRACK_PICTURE}" if logs.from_km else "low rail: needs --from-km")
     return Status.DONE if len(done) == len(rows) else Status.STOPPED
 
 

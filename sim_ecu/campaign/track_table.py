@@ -20,7 +20,7 @@ LOW, GOOD = "#D55E00", "0.6"
 def places_of(file: Path) -> dict[str, dict[str, Any]]:
     """Read where each log begins and which way its train runs. Raises InputError with file and line."""
     try:
-        lines = list(csv.reader(file.read_text(encoding="utf-8").splitlines()))
+        lines = list(csv.reader(file.read_text(encoding="utf-8-sig").splitlines()))
     except (OSError, UnicodeDecodeError) as e:
         raise InputError(f"cannot be read: {e}", file=file, key="--from-km") from None
     if not lines or tuple(lines[0]) != HEAD:
@@ -29,27 +29,31 @@ def places_of(file: Path) -> dict[str, dict[str, Any]]:
     for number, line in enumerate(lines[1:], 2):
         try:
             log, km, direction = line
-            found[log] = {"from_km": float(km), "direction": direction}
+            from_km = float(km)
         except ValueError:
             raise InputError(f"is {','.join(line)!r}", file=file, line=number, hint=HINT) from None
-        if direction not in DIRECTIONS or not np.isfinite(found[log]["from_km"]):
+        if direction not in DIRECTIONS or not np.isfinite(from_km):
             raise InputError(f"is {','.join(line)!r}", file=file, line=number, hint=HINT)
+        if log in found:
+            raise InputError(f"{log} stands there twice", file=file, line=number, hint="a log begins at one place")
+        found[log] = {"from_km": from_km, "direction": direction}
     return found
 
 
 def by_block(passages: Sequence[tuple[str, str, Sequence[Sequence[float]]]]) -> pd.DataFrame:
-    """Return a row for each block that a train said enough of, by kilometre.
+    """Return a row for each block that a train said enough of, and of the rest of its passage, by kilometre.
 
     passages: train, log, and its rows of TrackBlocks.
     """
     said, of = [(train, *row) for train, _, rows in passages for row in rows], TrackBlocks._fields
     every, found = pd.DataFrame(said, columns=["train", *of]).astype(dict.fromkeys(of, float)), []
-    for number, group in every.dropna(subset="available_pct").groupby("number"):
+    for number, group in every.dropna(subset=["available_pct", "rest_pct"]).groupby("number"):
         n, blocks = len(group), TrackBlocks(*(group[name].to_numpy() for name in of))
         low = int(is_low(blocks, rule_for(n)).sum())
-        km, trains = float(str(number)) * BLOCK_M / KILOMETRE, group["train"].nunique()
+        km, trains = round(float(str(number)) * BLOCK_M / KILOMETRE, 1), group["train"].nunique()
         found.append((km, n, trains, low, float(np.median(blocks.available_pct)), bool(is_low_by_most(low, n))))
-    return pd.DataFrame(found, columns=["km", "passages", "trains", "called_low", "available_pct", "is_low"])
+    columns = {"km": float, "passages": int, "trains": int, "called_low": int, "available_pct": float, "is_low": bool}
+    return pd.DataFrame(found, columns=list(columns)).astype(columns)
 
 
 def stretches(table: pd.DataFrame) -> Iterator[str]:

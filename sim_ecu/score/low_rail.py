@@ -61,12 +61,14 @@ def blocks_of(axles: Sequence[AxleWords]) -> TrackBlocks:
     block = np.floor(np.where(known, words.place_m, 0.0) / BLOCK_M).astype(np.int64)
     numbers = np.unique(block[known])
     available, upper = np.full((2, len(numbers)), np.nan)
-    for k, number in enumerate(numbers):
-        valid = known & (block == number) & np.isfinite(words.available_pct)
-        each = [words.upper_pct[valid & (axle == a)] for a in range(len(axles))]
+    valid = np.flatnonzero(known & np.isfinite(words.available_pct))
+    valid = valid[np.argsort(block[valid], kind="stable")]
+    ends_at = np.searchsorted(block[valid], numbers, side="right")
+    for k, of_block in enumerate(np.split(valid, ends_at)[: len(numbers)]):
+        each = [words.upper_pct[of_block[axle[of_block] == a]] for a in range(len(axles))]
         said = [np.median(ends) for ends in each if len(ends) >= MIN_WORDS]
-        if 2 * len(said) >= max(len(axles), 1):
-            available[k], upper[k] = np.median(words.available_pct[valid]), max(said)
+        if said and 2 * len(said) >= len(axles):
+            available[k], upper[k] = np.median(words.available_pct[of_block]), max(said)
     return TrackBlocks(numbers, available, upper, _rest(numbers, available))
 
 

@@ -52,13 +52,13 @@ def play_passage(run: PassageRun, config: Config) -> Passage:
         reports.append(core.feed(FrameBatch(frames.tobytes())).reports)
         times_s.append(due_us * 1e-6)
         truth.append(readings[..., 3:])
-    said, behind_m = np.concatenate(reports).reshape(-1, len(numbers)), np.array([a.position_m for a in played.axles])
+    said, ahead_m = np.concatenate(reports).reshape(-1, len(numbers)), np.array([a.position_m for a in played.axles])
     mu = np.where(said["validity"] == words_of("adhesion", "Validity").index(VALID), said["mu_available_pct"], np.nan)
     upper = mu + HALF_WIDTHS_PP[said["confidence"]]
-    at_m = ((said["time_us"] - LOG_START_US) * 1e-6 - LAG_S) * v + behind_m
+    at_m = ((said["time_us"] - LOG_START_US) * 1e-6 - LAG_S) * v + ahead_m
     blocks = blocks_of([AxleWords(*columns) for columns in zip(at_m.T, mu.T, upper.T, strict=True)])
     whole = (blocks.number > 0) & ((blocks.number + 1) * BLOCK_M <= at_m[-1].min())
-    wheels_m = np.concatenate(times_s)[:, None] * v + behind_m
+    wheels_m = np.concatenate(times_s)[:, None] * v + ahead_m
     return _judged(run, TrackBlocks(*(column[whole] for column in blocks)), wheels_m, np.concatenate(truth))
 
 

@@ -45,6 +45,8 @@ def figures(inputs: Mapping[str, Any]) -> Mapping[str, Scalar]:
     """Replay a log. Raises InputError for one that cannot be read, or has no usable input."""
     log, channel = Path(inputs["log"]), inputs.get("channel") or None
     config = load_config(Path(inputs["configuration"]) if inputs.get("configuration") else None)
+    if ("from_km" in inputs) != ("direction" in inputs):
+        raise InputError("only one is given", file=log, key="from_km, direction", hint="give both, or neither")
     story = gather(log, config, replay=True, channel=channel)
     if not story.axles:
         raise InputError("is too short: not one slot ends in it", file=log, hint="leave it out")
@@ -114,10 +116,10 @@ def _blocks(story: Story, from_km: float, direction: str) -> list[tuple[float, .
         return []
     holes_us = way.time_us[:-1][np.diff(way.time_us) > MAX_HOLD_US]
     last_us = int(holes_us[0]) if len(holes_us) and not way.constant else story.end_us
-    behind_m = {c.number: c.position_m or 0.0 for c in story.config.axles}
+    ahead_m = {c.number: c.position_m or 0.0 for c in story.config.axles}
     for axle in story.axles:
         a = axle.adhesion
-        run_m = np.interp(a.time_us - LAG_S * 1e6, way.time_us, way.values["distance_m"]) + behind_m[axle.number]
+        run_m = np.interp(a.time_us - LAG_S * 1e6, way.time_us, way.values["distance_m"]) + ahead_m[axle.number]
         place_m = np.where(a.time_us <= last_us, from_km * KILOMETRE + onward * run_m, np.nan)
         available = np.where(a.validity == VALIDITIES.index(Validity.VALID), a.available_pct, np.nan)
         axles.append(AxleWords(place_m, available, np.where(np.isnan(a.high_pct), np.inf, a.high_pct)))

@@ -14,7 +14,7 @@ from sim_ecu.cli.main import main
 from sim_ecu.score.low_rail import TrackBlocks, is_low
 from tests.support.can_ids import VEHICLE_SPEED
 from tests.support.scenarios import LogOf
-from wrcd.errors import Status
+from wrcd.errors import InputError, Status
 
 FILM_M = (500.0, 700.0)
 FILM = f"""
@@ -57,6 +57,11 @@ def test_log_without_a_place_has_no_blocks(film: Path) -> None:
     assert json.loads(str(figures({"log": str(film)})["detail"]))["blocks"] == []
 
 
+def test_place_needs_its_direction(film: Path) -> None:
+    with pytest.raises(InputError, match="from_km, direction: only one is given"):
+        figures({"log": str(film), "from_km": 12.0})
+
+
 def said(*low: int, until: int = 12) -> list[tuple[float, ...]]:
     """Rows of a passage over blocks 0 to `until` whose low ones are these."""
     return [(n, *((5.0, 9.0, 30.0) if n in low else (30.0, 40.0, 30.0))) for n in range(until)]
@@ -81,7 +86,15 @@ def test_stretches_that_are_apart_are_told_one_by_one_and_blocks_of_which_nothin
     table = by_block([("7401", "a", [*said(2, 3, 4, 8), *silent])])
     assert [line.split(":")[1] for line in stretches(table)] == [" km 0.2 to 0.5", " km 0.8 to 0.9"]
     assert table["km"].max() == 1.1
-    assert len(by_block([("7401", "a", [])])) == 0
+
+
+def test_passages_that_say_nothing_of_a_block_or_of_its_surroundings_do_not_count(tmp_path: Path) -> None:
+    nothing = by_block([("7401", "a", [])])
+    draw_track(nothing, tmp_path / "x.png")
+    assert (len(nothing), list(stretches(nothing))) == (0, [])
+    short = [(5.0, 5.0, 9.0, float("nan"))]
+    table = by_block([("7401", "a", said(5)), ("7402", "b", short)]).set_index("km")
+    assert table.loc[0.5, ["passages", "called_low", "is_low"]].tolist() == [1, 1, True]
 
 
 @pytest.fixture
@@ -107,12 +120,12 @@ HEAD = "log,from_km,direction\n"
 def test_logs_with_places_give_a_table_and_a_picture_by_kilometre(
     fleet: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert campaign(fleet, f"{HEAD}7401/a.log,12.0,up\n7402/b.log,13.2,down\n") == Status.DONE
+    assert campaign(fleet, f"\ufeff{HEAD}7401/a.log,1012.0,up\n7402/b.log,1013.2,down\n") == Status.DONE
     table = pd.read_csv(fleet / "out/low-rail.csv")
-    assert table[table["is_low"]]["km"].tolist() == pytest.approx([12.5, 12.6])
+    assert table[table["is_low"]]["km"].tolist() == [1012.5, 1012.6]
     assert set(table.loc[table["is_low"], "trains"]) == {2}
     assert (fleet / "out/low-rail.png").read_bytes().startswith(b"\x89PNG")
-    assert "low rail: km 12.5 to 12.7: 2 of 2 passages, 2 trains, adhesion" in capsys.readouterr().out
+    assert "low rail: km 1012.5 to 1012.7: 2 of 2 passages, 2 trains, adhesion" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -123,6 +136,7 @@ def test_logs_with_places_give_a_table_and_a_picture_by_kilometre(
         (f"{HEAD}7401/a.log,12,up\n\n", "places.csv:3: is ''"),
         (f"{HEAD}7401/a.log,12,north\n", "places.csv:2: is '7401/a.log,12,north'"),
         (f"{HEAD}7401/a.log,nan,up\n", "places.csv:2: is '7401/a.log,nan,up'"),
+        (f"{HEAD}7401/a.log,1,up\n7401/a.log,55,down\n", "places.csv:3: 7401/a.log stands there twice"),
         (f"{HEAD}7401/a.log,12,up\n", "places.csv: --from-km: has no line for 7402/b.log"),
     ],
 )
