@@ -68,7 +68,7 @@ def run(logs: Logs, folder: Path, jobs: int, scheduler: str | None, again: bool)
     suspects = pd.DataFrame([{"train": t, **s} for t, _, detail in details for s in detail["suspects"]])
     print("\n".join(_summary(rows, done, suspects)))
     if logs.from_km is not None and details:
-        track = by_block([(train, log, detail["blocks"]) for train, log, detail in details])
+        track = by_block([(train, detail["blocks"]) for train, _, detail in details])
         save(folder / TRACK, partial(track.to_csv, index=False, float_format="%.6g"))
         save(folder / TRACK_PICTURE, partial(draw_track, track))
         print("\n".join(["", *(list(stretches(track)) or ["low rail: none"])]))

@@ -40,12 +40,12 @@ def places_of(file: Path) -> dict[str, dict[str, Any]]:
     return found
 
 
-def by_block(passages: Sequence[tuple[str, str, Sequence[Sequence[float]]]]) -> pd.DataFrame:
+def by_block(passages: Sequence[tuple[str, Sequence[Sequence[float]]]]) -> pd.DataFrame:
     """Return a row for each block that a train said enough of, and of the rest of its passage, by kilometre.
 
-    passages: train, log, and its rows of TrackBlocks.
+    passages: train, and its rows of TrackBlocks.
     """
-    said, of = [(train, *row) for train, _, rows in passages for row in rows], TrackBlocks._fields
+    said, of = [(train, *row) for train, rows in passages for row in rows], TrackBlocks._fields
     every, found = pd.DataFrame(said, columns=["train", *of]).astype(dict.fromkeys(of, float)), []
     for number, group in every.dropna(subset=["available_pct", "rest_pct"]).groupby("number"):
         n, blocks = len(group), TrackBlocks(*(group[name].to_numpy() for name in of))

@@ -461,6 +461,8 @@ def test_map_of_low_rail_has_the_places_worlds_and_rule_of_the_code() -> None:
     said = text("README.md").partition("## Low rail")[2].partition("## ")[0]
     shares = [found[row][column] for column in (1, 2) for row in (ONE, THREE)]
     assert re.findall(r"\d+ \(\d+–\d+\)", said) == shares
+    alarms = [found[row][column].partition(" ")[0] for column in (4, 5) for row in (ONE, THREE)]
+    assert re.findall(r"\d+\.\d", said) == alarms
 
 
 def test_figures_of_the_score_stand_elsewhere_as_they_are_there() -> None:

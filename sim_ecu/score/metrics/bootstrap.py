@@ -3,7 +3,7 @@
 Runs that play the same conditions in another world share a number, and are drawn together.
 
 The ends of what drawing again gives are too narrow for few runs: of the mean of 8 to 12 they hold 69 to 84 % where 90 %
-are meant (docs/explanation/accuracy-and-baselines.md has the table). So means, and ratios and differences of means, are
+are meant. So means, and ratios and differences of means, are
 studentised: each drawing is measured in its own standard error, as the figure is in its, and no end is nearer than
 Student's (B. Efron, R. Tibshirani, An Introduction to the Bootstrap, 1993, chapter 12). Of all drawings the ends are
 further out by what Student's t and the lost degree of freedom require (T. Hesterberg, What Teachers Should Know About

@@ -68,7 +68,7 @@ def said(*low: int, until: int = 12) -> list[tuple[float, ...]]:
 
 
 def test_passages_of_several_trains_are_pooled(tmp_path: Path) -> None:
-    passages = [("7401", "a", said(5, 6)), ("7401", "b", said(5)), ("7402", "c", said(5, 6, 9)), ("7402", "d", said())]
+    passages = [("7401", said(5, 6)), ("7401", said(5)), ("7402", said(5, 6, 9)), ("7402", said())]
     table = by_block(passages).set_index("km")
     assert table.loc[0.5, ["passages", "trains", "called_low", "is_low"]].tolist() == [4, 2, 3, True]
     assert table.loc[0.6, ["called_low", "is_low"]].tolist() == [2, False]  # half of them is not most
@@ -76,24 +76,24 @@ def test_passages_of_several_trains_are_pooled(tmp_path: Path) -> None:
     assert table.loc[0.5, "available_pct"] == 5.0
     assert list(stretches(table.reset_index())) == ["low rail: km 0.5 to 0.6: 3 of 4 passages, 2 trains, adhesion 5 %"]
     unsure = [(0.0, 8.0, 19.0, 30.0)]  # which two passages may not call low, but three may
-    assert [bool(by_block([("7401", "a", unsure)] * n)["is_low"][0]) for n in (1, 2, 3)] == [False, False, True]
+    assert [bool(by_block([("7401", unsure)] * n)["is_low"][0]) for n in (1, 2, 3)] == [False, False, True]
     draw_track(table.reset_index(), tmp_path / "x.png")
     assert (tmp_path / "x.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_stretches_that_are_apart_are_told_one_by_one_and_blocks_of_which_nothing_is_said_are_left_out() -> None:
     silent = [(20.0, float("nan"), float("nan"), 30.0)]
-    table = by_block([("7401", "a", [*said(2, 3, 4, 8), *silent])])
+    table = by_block([("7401", [*said(2, 3, 4, 8), *silent])])
     assert [line.split(":")[1] for line in stretches(table)] == [" km 0.2 to 0.5", " km 0.8 to 0.9"]
     assert table["km"].max() == 1.1
 
 
 def test_passages_that_say_nothing_of_a_block_or_of_its_surroundings_do_not_count(tmp_path: Path) -> None:
-    nothing = by_block([("7401", "a", [])])
+    nothing = by_block([("7401", [])])
     draw_track(nothing, tmp_path / "x.png")
     assert (len(nothing), list(stretches(nothing))) == (0, [])
     short = [(5.0, 5.0, 9.0, float("nan"))]
-    table = by_block([("7401", "a", said(5)), ("7402", "b", short)]).set_index("km")
+    table = by_block([("7401", said(5)), ("7402", short)]).set_index("km")
     assert table.loc[0.5, ["passages", "called_low", "is_low"]].tolist() == [1, 1, True]
 
 
