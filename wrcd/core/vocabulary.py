@@ -59,6 +59,7 @@ _LEVELS = tuple(name for _, name in CONFIDENCES)
 _REASONS = ("None", *(r.label for r in Reason))
 _INPUTS = ("YawRate", "LatAccel", "Torque", "Speed")
 _PERCENT = Numeric(0, 50, 1.0, "%", absent=True, limits=(0, 100))
+_ROUNDED_DOWN = _PERCENT._replace(round_down=True)
 _LEVEL = Numeric(-40, 20, 1.0, "dB", absent=True, limits=(-70, 30))
 # Whether calm running says that the design is this train's, by wrcd/core/c/fit.c.
 FITS = ("Unknown", "Like", "Unsure", "Unlike")
@@ -70,8 +71,8 @@ MESSAGES: Mapping[str, Mapping[str, Numeric | Words]] = {
         "Validity": Words(
             (NOT_AVAILABLE, VALID, DEGRADED), ("Error",), ((VALID, DEGRADED), (VALID, NOT_AVAILABLE), (VALID, "Error"))
         ),
-        "MuAvailable": Numeric(0, 50, 1.0, "%", absent=True, round_down=True, limits=(0, 100)),
-        "MuUsed": _PERCENT,
+        "MuAvailable": _ROUNDED_DOWN,
+        "MuUsed": _ROUNDED_DOWN,  # as what it must not exceed
         "SampleAge": Numeric(0, 255, 10.0, "ms", limits=(0, 255)),
         "Surface": Words(("Unknown", *_CLASSES), (), _nothing("Unknown", _CLASSES)),
         "ContactState": Words(
@@ -94,10 +95,10 @@ MESSAGES: Mapping[str, Mapping[str, Numeric | Words]] = {
         **{f"Refused{name}": Words(_REASONS) for name in _INPUTS},
     },
     "own": {
-        "MuAvailableOwn": Numeric(0, 50, 1.0, "%", absent=True, round_down=True, limits=(0, 100)),
+        "MuAvailableOwn": _ROUNDED_DOWN,
         "HalfWidthOwn": _PERCENT,
         "AxlesFused": Numeric(0, 8, exact=True),
-        "MuUsedMost": _PERCENT,
+        "MuUsedMost": _ROUNDED_DOWN,
         "MuUsedMostAxle": Numeric(0, 8, exact=True),
     },
     "status_message": {

@@ -20,7 +20,7 @@ SURFACE = ("Unknown", "VeryLow", "Low", "Reduced", "Wet", "Dry")
 CONTACT = ("Unknown", "Saturated", "Adhering")
 # What a step of a number is, how it is rounded, and up to what it is one.
 CENTIPERCENT, MS = 100, 1
-DOWN, NEAREST, UP = Fraction(0), Fraction(1, 2), Fraction(1)
+DOWN, UP = Fraction(0), Fraction(1)
 MAX_PCT, MAX_MS = 100, 65_534
 SLACK = Fraction(1, 1_000_000)  # of a raw value: what is lost in the conversion of a range
 MAX_BITS = 32  # of a signal; a weight and an offset below these bounds then overflow no 64 bits
@@ -85,7 +85,7 @@ def kit_message(message: Message, output: Output, axle: int, file: str) -> KitMe
     """Return one of them."""
     fields: dict[str, NumberSignal | WordSignal] = {}
     numbers = {
-        "MuAvailable": (CENTIPERCENT, DOWN, MAX_PCT), "MuUsed": (CENTIPERCENT, NEAREST, MAX_PCT),
+        "MuAvailable": (CENTIPERCENT, DOWN, MAX_PCT), "MuUsed": (CENTIPERCENT, DOWN, MAX_PCT),
         "SampleAge": (MS, UP, MAX_MS),
     }  # fmt: skip
     words = {"Validity": VALIDITY, "Confidence": CONFIDENCE, "Surface": SURFACE, "ContactState": CONTACT}

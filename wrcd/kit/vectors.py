@@ -109,7 +109,7 @@ def _number(ours: str, n: NumberSignal, raw: int) -> int | None:
         return min(math.ceil(value), TOO_OLD_MS)
     if value > MAX_PCT:
         return None
-    return math.floor(100 * value + (Fraction(1, 2) if ours == "MuUsed" else 0))
+    return math.floor(100 * value)
 
 
 def expected(m: KitMessage, says: Mapping[str, int | str | None]) -> dict[str, str]:
