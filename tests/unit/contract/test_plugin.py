@@ -66,7 +66,8 @@ def test_own_test_module_hands_its_consumer_over_and_plays_by_itself(pytester: p
 
 
 def test_own_configuration_skips_what_it_cannot_say(pytester: pytest.Pytester) -> None:
-    options = ("--wrcd-config", EXAMPLES / "own-dbc" / "train.toml", "-k", "wrong-crc", "--wrcd-object", CAREFUL)
+    # with "=" it is no path among the arguments, from which pytest takes its rootdir, and with it our pyproject.toml
+    options = (f"--wrcd-config={EXAMPLES / 'own-dbc' / 'train.toml'}", "-k", "wrong-crc", "--wrcd-object", CAREFUL)
     result = run_checks(pytester, *options)
     assert result.ret == 0
     result.stdout.fnmatch_lines(["*SKIPPED*WSP_Adhesion1*"])
