@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tests.oracle.bands import Bands
 from tests.oracle.bank import Bank, SpeedFilter
-from tests.oracle.health import SPAN_TICKS, PairHealth
+from tests.oracle.health import SPAN_BLOCKS, SPAN_TICKS, PairHealth
 from tests.oracle.interval import Answers, Draft
 from tests.oracle.memory import ANOTHER_STEPS, STEP_TICKS, ChangeDetector, Remembered, remember
-from tests.oracle.residuals import BLOCK_TICKS, Lengths, Window, quiet
+from tests.oracle.residuals import BLOCK_TICKS, PLAIN_IN_BANDS, Lengths, Window, quiet
 from tests.oracle.signals import HOLD_TICKS, MAX_PULSE, Gate, Joints, NoiseLevel, Offset, Sections
 from tests.support.stepped import Outliers, Tick
 from wrcd.core.design import BoolArray, Design, FloatArray, IntArray
@@ -61,6 +62,7 @@ class Oracle:
     _delayed_live: BoolArray
     _delayed_clear: BoolArray
     started: BoolArray  # whether a measurement was used since the last reset
+    _bands: Bands
     health: PairHealth
     _memory: FloatArray  # (6, n) what is Remembered
     outliers: int = 0  # samples left out so far
@@ -77,7 +79,7 @@ class Oracle:
         self._lowpass = Sections(design.lowpass, 2 * MODELS, axles)
         self._window = Window(Lengths(design).longest, axles)
         self._changes, self._answers = ChangeDetector(design), Answers(design, axles)
-        self.health = PairHealth(design.health, design.noise_rms, design.tick_s, axles, design.wheelbase_m)
+        self._bands, self.health = Bands(design, axles), PairHealth(design.health, axles)
         self._grid = float(design.speeds_m_s[0]), float(design.speeds_m_s[-1])
         self.speed_m_s = self._grid[0]
         self._wrcd = design.form == "wrcd"
@@ -96,9 +98,11 @@ class Oracle:
         self._delayed[..., axle] = 0.0
         self._delayed_live[:, axle] = self._delayed_clear[:, axle] = False
         for part in (
-            self._offset, self._gate, self._bank, self._joints, self._noise, self._lowpass, self._window, self.health
+            self._offset, self._gate, self._bank, self._joints, self._noise, self._lowpass, self._window, self._bands
         ):  # fmt: skip
             part.reset(axle)
+        if axle ^ 1 < self.axles:
+            self._window.forget_partner(axle ^ 1)
         self._memory[:, axle] = 0.0
         if not self.started.any():  # the speed is all axles': it goes on while one of them does
             self._speed.reset()
@@ -136,14 +140,14 @@ class Oracle:
         needs_reset = self._gate.learn(e, yaw_rate, accepted & ~swings, outliers)
         needs_reset |= [not self._bank.finite(axle) for axle in range(self.axles)]
         self._noise.step(z, accepted & ~near)
-        if self.health.judges:
-            self.health.pairs.step(z, accepted & ~near)
         self.started |= accepted
         # Keep the first innovation after a gap out of the window: it spans several ticks. A sensor slower than the
         # ticks, for which no gain here is made, therefore never gives an estimate.
         in_window = accepted & self._complete & np.isfinite(tick.torque_ratio) & ~needs_reset
         self._complete = accepted.copy()  # reset() changes it, and not the record
         live, calm = self._put(tick, w, in_window, pulse, near)
+        if self._wrcd:
+            self._window.add(self._bands.step(z, accepted & ~near, self.speed_m_s))
         self._look_back(tick.number + 1)
         return Stepped(innovations, w, accepted, left_out, near, live, calm, needs_reset)
 
@@ -171,7 +175,8 @@ class Oracle:
                 step_s, self.speed_m_s,
             )  # fmt: skip
             if looks:
-                self.health.look(self.speed_m_s, draft.now, usual.inputs)
+                sums = self._window.kept(0, SPAN_BLOCKS)[PLAIN_IN_BANDS]
+                self.health.look(sums, self._bands.goes_on, self.speed_m_s, draft.now, usual.inputs)
         self._memory = np.array(memory)
         another = memory.another >= ANOTHER_STEPS
         if another.any():
@@ -201,7 +206,8 @@ class Oracle:
     def _draft(self) -> Draft:
         """What an estimate of this moment is made from. Within quiet()."""
         factor = self._noise.sensor_factor()
-        return self._answers.draft(self._window, factor, self.speed_m_s, self._in_grid, self._memory)
+        sound = self.health.partner_sound
+        return self._answers.draft(self._window, factor, self.speed_m_s, self._in_grid, self._memory, sound)
 
     def torque_now(self) -> FloatArray:
         """(n,): torque ratio of the moment; NaN where it is not known."""
@@ -212,7 +218,8 @@ class Oracle:
         """What the rules are given (m, COLUMNS) of windows of so many blocks (m,): all axles with one length after all
         with another. now (n,): torque ratio of the moment."""
         with quiet():
-            return self._answers.inputs_of(self._window, blocks, now, self._noise.sensor_factor(), self._in_grid)[0]
+            factor, sound = self._noise.sensor_factor(), self.health.partner_sound
+            return self._answers.inputs_of(self._window, blocks, now, factor, self._in_grid, sound)[0]
 
     def steps(self) -> FloatArray:
         """Decades (n, 4) by which the newest part's residuals lie above those of the rest of the usual window."""

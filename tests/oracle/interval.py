@@ -5,8 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tests.oracle import bands
 from tests.oracle.memory import SIGMAS, Remembered, Word, decades, spoken
-from tests.oracle.residuals import Lengths, Statistics, Window, mean_ratio, statistics
+from tests.oracle.residuals import IN_BANDS, Lengths, Statistics, Window, mean_ratio, statistics
 from tests.oracle.rules import SWING, Inference, Past, RuleInputs, Rules
 from wrcd.core.design import BoolArray, Design, FloatArray, IntArray, IntervalModel
 from wrcd.core.records import Estimate
@@ -51,6 +52,7 @@ class Draft:
     speed_m_s: float
     grid_speed_m_s: float  # held within the design's grid
     memory: FloatArray  # (5, n) what is Remembered
+    partner_counts: BoolArray  # (n,) its signals, beside the axle's own
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +76,7 @@ class Answers:
     def __init__(self, design: Design, axles: int) -> None:
         self._d, self._axles, self._wrcd = design, axles, design.form == "wrcd"
         self._lengths = Lengths(design)
+        self._in_bogie = design.wheelset.get("bogie") is not None
         self._rules = Rules(design)
         self._rule_inputs = RuleInputs(design)
         self._low = np.array([s.centres[0] for s in design.residual_sets])
@@ -86,8 +89,9 @@ class Answers:
         return mean_ratio(window.plain(0, self._lengths.now))
 
     def draft(
-        self, window: Window, noise_factor: FloatArray, speed_m_s: float, grid_speed_m_s: float, memory: FloatArray
-    ) -> Draft:
+        self, window: Window, noise_factor: FloatArray, speed_m_s: float, grid_speed_m_s: float, memory: FloatArray,
+        partner_sound: BoolArray,
+    ) -> Draft:  # fmt: skip
         """Take from a window what the estimate is made from. Within quiet()."""
         k = self._lengths
         filled = window.filled()
@@ -96,11 +100,13 @@ class Answers:
         lengths: tuple[IntArray, ...] = (usual,)
         if self._wrcd:
             lengths = usual, np.minimum(filled, k.recent)
-        return self._draft(window, np.array(lengths), now, noise_factor, speed_m_s, grid_speed_m_s, memory)
+        return self._draft(
+            window, np.array(lengths), now, noise_factor, speed_m_s, grid_speed_m_s, memory, partner_sound
+        )
 
     def _draft(
         self, window: Window, blocks: IntArray, now: FloatArray, noise_factor: FloatArray, speed_m_s: float,
-        grid_speed_m_s: float, memory: FloatArray,
+        grid_speed_m_s: float, memory: FloatArray, partner_sound: BoolArray,
     ) -> Draft:  # fmt: skip
         k, half = self._lengths, self._lengths.usual // 2
         lowest, highest = window.torque_range(half)
@@ -118,6 +124,7 @@ class Answers:
             speed_m_s=speed_m_s,
             grid_speed_m_s=grid_speed_m_s,
             memory=memory,
+            partner_counts=partner_sound & self._in_bogie,
         )
 
     def estimate(self, draft: Draft) -> Estimate:
@@ -180,7 +187,13 @@ class Answers:
         )
 
     def inputs_of(
-        self, window: Window, blocks: IntArray, now: FloatArray, noise_factor: FloatArray, grid_speed_m_s: float
+        self,
+        window: Window,
+        blocks: IntArray,
+        now: FloatArray,
+        noise_factor: FloatArray,
+        grid_speed_m_s: float,
+        partner_sound: BoolArray,
     ) -> tuple[FloatArray, Statistics]:
         """What the rules are given (m, COLUMNS) of windows of so many blocks (m,), and the windows' statistics.
 
@@ -189,17 +202,23 @@ class Answers:
         """
         lengths = blocks.reshape(-1, self._axles)
         memory = np.zeros((len(Remembered._fields), self._axles))
-        return self._inputs(self._draft(window, lengths, now, noise_factor, grid_speed_m_s, grid_speed_m_s, memory))
+        return self._inputs(
+            self._draft(window, lengths, now, noise_factor, grid_speed_m_s, grid_speed_m_s, memory, partner_sound)
+        )
 
     def _inputs(self, draft: Draft) -> tuple[FloatArray, Statistics]:
         """What the rules are given of every window, one length after another, and the windows' statistics."""
         k = self._lengths
-        s = statistics(draft.sums.reshape(len(draft.sums), -1), k.min_ticks)
+        sums = draft.sums.reshape(len(draft.sums), -1)
+        s, counts = statistics(sums, k.min_ticks), np.resize(draft.partner_counts, sums.shape[1])
         ratio = s.ratio
         if self._wrcd:
             ratio = np.where(draft.blocks < k.usual, draft.now, ratio.reshape(draft.blocks.shape)).reshape(-1)
         past = Past(draft.now, draft.lowest, draft.highest, decades(draft.recent, draft.before, k.min_ticks))
-        columns = self._rule_inputs.columns(s, ratio, past, draft.noise_factor, draft.floor, draft.grid_speed_m_s)
+        given = bands.columns(sums[IN_BANDS], counts)
+        columns = self._rule_inputs.columns(
+            s, ratio, past, draft.noise_factor, draft.floor, draft.grid_speed_m_s, given
+        )
         return columns, s
 
     def answers(self, draft: Draft) -> tuple[list[Answer], Inference, Statistics]:

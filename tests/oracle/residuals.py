@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tests.oracle import bands
 from wrcd.core.design import BoolArray, Design, FloatArray, IntArray
 from wrcd.core.terms import CHANNELS, MODELS
 
@@ -19,16 +20,16 @@ _W = MODELS * CHANNELS
 # Columns of a block: ticks N, of them with data, of those live ones, sums of t and t^2; of the whitened innovations w,
 # filtered: w, t w, w^2, w(k) w(k - LAG) for each of the eight, and yaw times lateral for each model. Then plain sums:
 # of the torque ratio and its ticks; of the unfiltered innovations, which show a change sooner, over the ticks RAW_N
-# that are calm: w, w^2.
+# that are calm: w, w^2. Then those of the signals in bands.
 N, HEARD, LIVE, T, TT = range(5)
-_AT = np.cumsum([5, _W, _W, _W, _W, MODELS, 3, _W, _W])
-SUM_W, SUM_TW, SUM_WW, SUM_LAG, SUM_CROSS, _SCALARS, SUM_RAW, SUM_RAW2 = (
+_AT = np.cumsum([5, _W, _W, _W, _W, MODELS, 3, _W, _W, bands.SUMS])
+SUM_W, SUM_TW, SUM_WW, SUM_LAG, SUM_CROSS, _SCALARS, SUM_RAW, SUM_RAW2, IN_BANDS = (
     slice(int(a), int(b)) for a, b in itertools.pairwise(_AT)
 )
 RATIO, RATIO_N, RAW_N = range(_SCALARS.start, _SCALARS.stop)
 COLUMNS = int(_AT[-1])
 PLAIN = RATIO  # columns from here on are plain sums
-_RAW, _RAW2 = (slice(a.start - PLAIN, a.stop - PLAIN) for a in (SUM_RAW, SUM_RAW2))
+_RAW, _RAW2, PLAIN_IN_BANDS = (slice(a.start - PLAIN, a.stop - PLAIN) for a in (SUM_RAW, SUM_RAW2, IN_BANDS))
 NOW_S = 0.06  # the torque of so long is the torque of the moment
 STEP_S = 0.16  # and of so long before, that before a step
 
@@ -189,9 +190,17 @@ class Window:
         new[SUM_W], new[SUM_TW], new[SUM_WW] = flat, t * flat, flat * flat
         new[SUM_LAG], new[SUM_CROSS] = flat * self._past[0], flat[::2] * flat[1::2]
         new[RATIO], new[RATIO_N], new[RAW_N] = np.where(known, ratio, 0.0), known, calm
-        new[SUM_RAW], new[SUM_RAW2] = plain, plain * plain
+        new[SUM_RAW], new[SUM_RAW2], new[IN_BANDS] = plain, plain * plain, 0.0
         self._rows[self._end] += np.where(running, new, 0.0)
         self._past = np.concatenate((self._past[1:], flat[None]))
+
+    def add(self, in_bands: FloatArray) -> None:
+        """Add what the newest tick is in bands (bands.SUMS, n)."""
+        self._rows[self._end, IN_BANDS] += in_bands
+
+    def forget_partner(self, axle: int) -> None:
+        """Drop what an axle's partner was."""
+        self._rows[:, IN_BANDS.start + bands.THEIRS.start :, axle] = 0.0
 
     def _move_to(self, block: int) -> None:
         """Begin a block: its row is what the one before it came to."""

@@ -17,6 +17,7 @@ LENGTH = CROSS.stop
 NOISE = slice(LENGTH + 1, LENGTH + 1 + CHANNELS)
 SWING = slice(NOISE.stop, NOISE.stop + 2)
 STEP = slice(SWING.stop, SWING.stop + 4)
+IN_BANDS = slice(STEP.stop, COLUMNS)
 MIN_TORQUE = 0.003  # torque ratio: less is coasting, and says nothing
 TORQUE_FLOOR = 0.01  # torque ratio: what moves below this is the noise of its signal
 MIN_TRACK = 0.03  # of the noise's power: less from the track is not distinguished from none
@@ -57,7 +58,7 @@ class Past:
 
 class RuleInputs:
     """log10 of residuals 1 to 3 over residual 4, of residual 4, of torque ratio and speed; the correlations; log10 of
-    the window's length in seconds and of the noise; the torque's swing; the steps.
+    the window's length in seconds and of the noise; the torque's swing; the steps; what the signals are in bands.
 
     The share of the sensors' noise is taken off first: what is left goes with the track's roughness alike in all four.
     Model 4, in the linear region, takes its present size; what the others make of the same track tells the contact.
@@ -75,10 +76,11 @@ class RuleInputs:
 
     def columns(
         self, s: Statistics, window_ratio: FloatArray, past: Past, noise_factor: FloatArray, floor: FloatArray,
-        speed_m_s: float,
+        speed_m_s: float, in_bands: FloatArray,
     ) -> FloatArray:  # fmt: skip
         """(m, COLUMNS) for the statistics of m windows and their torque ratios (m,): all axles (n,) with one length
-        after all with another. past, noise_factor (2, n) and the floor (n, 4) that it leaves are the axles'."""
+        after all with another. past, noise_factor (2, n) and the floor (n, 4) that it leaves are the axles'; in_bands
+        (m, 33): what the signals are there."""
         m, n = len(window_ratio), noise_factor.shape[1]
         out = np.empty((m, COLUMNS))
         of_axle = out.reshape(-1, n, COLUMNS)
@@ -97,6 +99,7 @@ class RuleInputs:
         of_axle[:, :, NOISE] = np.log10(noise_factor).T
         of_axle[:, :, SWING] = past.swing
         of_axle[:, :, STEP] = past.steps
+        out[:, IN_BANDS] = in_bands
         return out
 
 

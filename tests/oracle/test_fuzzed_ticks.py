@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from tests.oracle import health, interval, residuals, rules, signals
+from tests.oracle import bands, health, interval, residuals, rules, signals
 from tests.oracle.comparison import Comparison
 from tests.support.estimator_runs import tick, track
 from tests.support.fuzzed_ticks import Train, designs
@@ -73,8 +73,9 @@ def test_numbers_that_python_takes_from_c_are_the_oracles_own() -> None:
         "MIN_FIRING": rules.MIN_FIRING, "LOWEST_LOG_SPREAD": rules.LOG_SPREADS[0], "NOISE": rules.NOISE.start,
         "HIGHEST_LOG_SPREAD": rules.LOG_SPREADS[1], "SWING": rules.SWING.start, "HARSH_SHARE": interval.HARSH_SHARE,
         "MIN_M": interval.MIN_M, "MAX_JUMP": signals.MAX_JUMP, "CERTAIN": health.CERTAIN, "MAX_FEATURE": health.MOST,
-        "SLOWEST_M_S": health.SLOWEST_M_S, "PAIR_OWN": health.OWN, "PAIR_FEATURES": health.FEATURES,
-        "SPAN_TICKS": health.SPAN_TICKS, "BLOCK_TICKS": residuals.BLOCK_TICKS, "LAG": residuals.LAG,
+        "SLOWEST_M_S": bands.SLOWEST_M_S, "LENGTH": rules.LENGTH, "PAIR_OWN": health.OWN,
+        "PAIR_FEATURES": health.FEATURES, "SPAN_TICKS": health.SPAN_TICKS, "BLOCK_TICKS": residuals.BLOCK_TICKS,
+        "LAG": residuals.LAG, "OF_PARTNER_IN_BANDS": rules.IN_BANDS.start + 9,
     }  # fmt: skip
     assert {name: constant(name) for name in oracles} == oracles
 

@@ -13,7 +13,7 @@ from wrcd.core.terms import BLOCK_TICKS, CHANNELS, COLUMNS, MODELS
 from wrcd.native import library
 
 W = MODELS * CHANNELS
-SUMS = 60
+SUMS, IN_BANDS = 106, 46
 N, HEARD, LIVE, RATIO, RATIO_N = 0, 1, 2, 41, 42
 _double, _bool, _int, _long, _pointer = ctypes.c_double, ctypes.c_bool, ctypes.c_int, ctypes.c_int64, ctypes.c_void_p
 
@@ -224,21 +224,29 @@ def fuse(
 
 
 class Pairs(Part):
-    """What pairs of sensors say: products of any two signals of a bogie, [together, apart][band][place][place], places
-    being gyro 1, gyro 2, accelerometer 1, accelerometer 2."""
+    """What pairs of sensors say. total (axles, IN_BANDS): all that came into the axles' rows, in the order of parts.h:
+    ticks, fine [2], plain [2][2], own power [3][2], cross [3], the partner's power [3][2], across [2][4][3]."""
+
+    def __init__(self, axles: int, design: Design | None = None) -> None:
+        super().__init__(axles, design)
+        self.total, self._tick = np.zeros((axles, IN_BANDS)), 0
 
     def step(self, z: FloatArray, used: Any) -> None:
-        of = _c("wrcd_pair_step", None, _pointer, _pointer, _int, _pointer, _bool)
+        _c("wrcd_window_move", None, _pointer, _pointer, _long)(self.e, self.d, self._tick // BLOCK_TICKS)
+        before = self._rows()
+        of = _c("wrcd_bands_step", None, _pointer, _pointer, _int, _pointer, _bool)
         for a in range(self.axles):
             of(self.e, self.d, a, _at(_given(z[:, a])), bool(used[a]))
-        _c("wrcd_pair_end_of_tick", None, _pointer, _pointer)(self.e, self.d)
+        _c("wrcd_bands_end_of_tick", None, _pointer, _pointer)(self.e, self.d)
+        self.total += self._rows() - before
+        self._tick += 1
+
+    def _rows(self) -> FloatArray:
+        newest = _c("wrcd_window_newest", ctypes.POINTER(_double), _pointer, _pointer, _int)
+        rows = [np.ctypeslib.as_array(newest(self.e, self.d, a), (SUMS,)) for a in range(self.axles)]
+        return np.array(rows)[:, SUMS - IN_BANDS :]
 
     def look(self, speed_m_s: float, ratio: FloatArray, inputs: FloatArray) -> None:
         self.estimator._train["speed_m_s"] = speed_m_s
         of = _c("wrcd_health_look", None, _pointer, _pointer, _pointer, _pointer)
         of(self.e, self.d, _at(_given(inputs)), _at(_given(ratio)))
-
-    @property
-    def products(self) -> FloatArray:
-        out: FloatArray = np.array(self.estimator._train["pair_products"]).reshape(-1, 2, 3, 4, 4)[0]
-        return out

@@ -22,7 +22,7 @@ def designs() -> dict[str, Design]:
     """The packaged ones, the paper's form, and one that judges no sensors and has no interval."""
     names = ("multiple-unit", "lone-wheelset")
     found = {name: load_design(resources.DATA / f"designs/{name}.design.json") for name in names}
-    bare = replace(found["lone-wheelset"], health=None, interval=None)
+    bare = replace(found["multiple-unit"], health=None, interval=None)
     return {**found, "paper": load_design(rig.PAPER_DESIGN), "bare": bare}
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wrcd.checksum import checksum
-from wrcd.core.terms import CERTAIN, CHANNELS, COLUMNS, INPUTS, MODELS, PAIR_FEATURES, PairState, Regime
+from wrcd.core.terms import CERTAIN, CHANNELS, COLUMNS, INPUTS, MODELS, PAIR_FEATURES, SPAN_TICKS, PairState, Regime
 from wrcd.errors import InputError, NotThere
 from wrcd.native import constant
 
@@ -18,7 +18,8 @@ IntArray = NDArray[np.int64]
 
 BoolArray = NDArray[np.bool_]
 
-FORMAT = "wrcd-design/4"
+FORMAT, BEFORE = "wrcd-design/5", "wrcd-design/4"
+COLUMNS_BEFORE = 27  # that rules of the format before are given: the first ones; by the others nothing moves
 NEXT_WHEELSET_M = 2.5  # where the design names no bogie
 HALF_WHEELBASES_M = 0.1, 10.0  # least and most
 STATES = 5  # psi, y', psi', y_t, y - y_t; then those of a bogie's frame, where the design holds the wheelset in one
@@ -197,9 +198,10 @@ def _parsed(text: str, file: Path) -> Design:
 
 def parse_design(document: Any, file: Path | str) -> Design:
     """Check a design document and turn it into arrays."""
-    if not isinstance(document, dict) or document.get("format") != FORMAT:
+    if not isinstance(document, dict) or document.get("format") not in (FORMAT, BEFORE):
         found = document.get("format") if isinstance(document, dict) else type(document).__name__
-        raise InputError(f"is not a {FORMAT} file (found {found!r})", file=file, key="format")
+        hint = "one of an earlier version is made again with `sim-ecu design`"
+        raise InputError(f"is not a {FORMAT} file (found {found!r})", file=file, key="format", hint=hint)
     try:
         correct = checksum(document)
     except (ValueError, RecursionError) as e:
@@ -247,6 +249,14 @@ class _Reader:
         )
         if not fits or not np.all(np.isfinite(a)):
             raise self.error(key, f"must be finite numbers of shape {shape}, is {a.shape}")
+        a.setflags(write=False)
+        return a
+
+    def by_column(self, key: str, *shape: int) -> FloatArray:
+        """An array whose last axis goes by the columns; of a format with fewer, zeros for the others."""
+        given = COLUMNS_BEFORE if self._document["format"] == BEFORE else COLUMNS
+        a = np.zeros((*shape, COLUMNS))
+        a[..., :given] = self.array(key, *shape, given)
         a.setflags(write=False)
         return a
 
@@ -327,14 +337,14 @@ def _arrays(r: _Reader, digest: str) -> Design:
         torque_sets=r.sets("fuzzy.torque"),
         speed_sets=r.sets("fuzzy.speed", least=1),
         rules=rules.astype(np.int64),
-        low=r.array("fuzzy.columns.low", COLUMNS),
-        high=r.array("fuzzy.columns.high", COLUMNS),
-        middle=r.array("fuzzy.columns.middle", COLUMNS),
+        low=r.by_column("fuzzy.columns.low"),
+        high=r.by_column("fuzzy.columns.high"),
+        middle=r.by_column("fuzzy.columns.middle"),
         bases=r.array("fuzzy.bases", n),
         consequents=r.names("fuzzy.consequents", n),
-        slopes=r.array("fuzzy.slopes", n, COLUMNS),
+        slopes=r.by_column("fuzzy.slopes", n),
         spreads=r.array("fuzzy.spreads", n),
-        spread_slopes=r.array("fuzzy.spread_slopes", n, COLUMNS),
+        spread_slopes=r.by_column("fuzzy.spread_slopes", n),
         typical_pct=r.array("fuzzy.typical_pct", n, 2),
         change_speeds_m_s=r.array("changes.speeds_m_s", -1),
         changes=r.array("changes.limits", len(r.array("changes.speeds_m_s", -1)), MODELS),
@@ -407,6 +417,8 @@ def _check(d: Design, r: _Reader) -> None:
         raise r.error("form", f"must be one of {', '.join(FORMS)}")
     if 2 * d.recent_ticks > d.window_ticks or d.longest_ticks < d.window_ticks:
         raise r.error("recent_s", "must not be longer than half the window, nor the window than longest_s")
+    if d.health is not None and d.longest_ticks < SPAN_TICKS:
+        raise r.error("longest_s", f"must be {SPAN_TICKS} ticks or more, the span that pairs of sensors are judged by")
     if np.any(d.low > d.high):
         raise r.error("fuzzy.columns.low", "must not be above high")
     if d.adhesion_range_pct[0] >= d.adhesion_range_pct[1]:

@@ -15,9 +15,11 @@ MODELS = _whole("MODELS")
 CHANNELS = _whole("CHANNELS")  # yaw rate, lateral acceleration
 INPUTS = _whole("INPUTS")  # that choose the rules: four residuals, torque, speed
 # What the rules' outputs move with: those six; correlations of each model's two innovations with themselves LAG ticks
-# before, and of the two with each other; the window's length; the sensors' noise (NOISE); how far the torque has been
-# above and below that of the moment (SWING); by how much each residual has stepped.
-COLUMNS, LAG = _whole("COLUMNS"), _whole("LAG")
+# before, and of the two with each other; the window's LENGTH; the sensors' noise (NOISE); how far the torque has been
+# above and below that of the moment (SWING); by how much each residual has stepped; powers and correlation of the two
+# signals in three bands, and their correlations with those of the PARTNER, the other axle of the bogie.
+COLUMNS, LAG, LENGTH, SUMS = _whole("COLUMNS"), _whole("LAG"), _whole("LENGTH"), _whole("SUMS")
+PARTNER = slice(_whole("OF_PARTNER_IN_BANDS"), COLUMNS)
 NOISE = slice(_whole("NOISE"), _whole("NOISE") + CHANNELS)
 SWING = slice(_whole("SWING"), _whole("SWING") + 2)
 BLOCK_TICKS = _whole("BLOCK_TICKS")  # a window's length goes by these

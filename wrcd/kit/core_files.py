@@ -19,7 +19,7 @@ from wrcd.core.design import FORMAT, Design
 from wrcd.core.design_fit import fit_members
 from wrcd.core.design_members import members
 from wrcd.core.tables import tables_of
-from wrcd.core.terms import COLUMNS, INPUTS, MODELS, PAIR_FEATURES, PairState
+from wrcd.core.terms import COLUMNS, INPUTS, MODELS, PAIR_FEATURES, SUMS, PairState
 from wrcd.core.vocabulary import snake, words_of
 from wrcd.kit.c_records import TYPES, definition
 from wrcd.kit.design_table import DesignTable
@@ -95,14 +95,14 @@ def operations(design: Design, axles: int) -> Mapping[str, str]:
     s, rules = design.states, len(design.rules)
     bank = MODELS * (s + 2) * (s + 4)
     filters = 5 * (8 * len(design.lowpass) + len(design.highpass)) + 8 * 6 + 60  # and the gate, the window's sums
-    pair = 2 * 3 * 5 + 2 * 3 * 16 // 2
+    bands = 0 if design.form == "paper" else 2 * 3 * 5 + 3 * (2 + 2 + 1 + 8)
     # the window's sums, the rules, of which two sets of each input hold at once, and what those say
-    asked = 9 * 60 + INPUTS * rules + 2**INPUTS * 2 * (COLUMNS + 1) + 2 * COLUMNS
+    asked = 9 * SUMS + INPUTS * rules + 2**INPUTS * 2 * (COLUMNS + 1) + 2 * COLUMNS
     hidden = 0 if design.health is None else len(design.health.hidden_bias)
     matrices = 2 * MODELS * (2 * (s * s + 4 * s + 4) + 4 * (s + 2))
     fit = fit_members(design)
     bogies, bins, n = (axles // 2, len(fit["basis"]) // 3, len(fit["own_sigma"])) if fit["ticks"] else (0, 0, 0)
-    usual = bank + axles * (bank + filters + (pair if hidden else 0)) + 2 * 4 * 2 * bins * bogies
+    usual = bank + axles * (bank + filters + bands) + 2 * 4 * 2 * bins * bogies
     most = usual + matrices + axles * (bank + 2 * 2 * asked + (PAIR_FEATURES + len(PairState)) * hidden)
     # of a bin 19 responses, the derivatives by all, their products; of a block what the sum answers
     most += bogies * (19 * 4 * 212 + (n + 5) * 4 * 128 + (n + 5) ** 2 // 2 * 16 + 2 * n**3 // 3 + 5 * (n + 2) ** 2)

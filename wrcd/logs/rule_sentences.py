@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrcd.core.design import Design
+from wrcd.core.design_members import BANDS_HZ
 from wrcd.core.terms import LAG, MODELS
 
 
@@ -17,31 +18,39 @@ class Column:
     correlation: bool = False
 
 
+CHANNEL_WORDS = YAW, LAT = "yaw rate", "lateral acceleration"
+ACROSS = (YAW, YAW), (LAT, LAT), (YAW, LAT), (LAT, YAW)  # of own signals and the partner's
+BAND_WORDS = tuple(f"{low:g} to {high:g} Hz" for low, high in BANDS_HZ)
 COLUMN_WORDS = (
     *(Column(f"residual {m + 1}") for m in range(MODELS)),
     Column("torque"),
     Column("speed"),
-    *(
-        Column(f"{what} persistence {m + 1}", True)
-        for m in range(MODELS)
-        for what in ("yaw rate", "lateral acceleration")
-    ),
+    *(Column(f"{what} persistence {m + 1}", True) for m in range(MODELS) for what in CHANNEL_WORDS),
     *(Column(f"coupling {m + 1}", True) for m in range(MODELS)),
     Column("window length"),
-    Column("yaw rate noise"),
-    Column("lateral acceleration noise"),
+    *(Column(f"{what} noise") for what in CHANNEL_WORDS),
     Column("the highest torque of half a second over that of the moment"),
     Column("the torque of the moment over the lowest of half a second"),
     Column("the step of residuals 1 and 2"),
     Column("the step of residual 3"),
     Column("the step of residual 4"),
     Column("the largest step, up or down"),
+    *(Column(f"the power of {what} in {band}") for band in BAND_WORDS for what in CHANNEL_WORDS),
+    *(Column(f"{YAW} with {LAT} in {band}", True) for band in BAND_WORDS),
+    *(
+        Column(f"{own} with the {their} of the axle {way} in {band}", True)
+        for way in ("ahead", "behind")
+        for own, their in ACROSS
+        for band in BAND_WORDS
+    ),
 )
 GLOSSARY = (
     f"persistence m: correlation of model m's innovation with itself {LAG} ticks before. Near 1 it is slow: "
     "the model misses a slow motion, such as hunting. Near 0 or below it is fast: the model misses the yaw spring.",
     "coupling m: correlation of model m's two innovations. Away from 0, yaw and lateral motion that the track drives "
     "together are missed together: the model's contact is not the present one.",
+    "with: correlation over the window of two signals in a band, the other axle's a wheelbase apart. What the track "
+    "drives, both axles of a bogie show; what shakes one axle box, it alone.",
     "step: a residual of the newest part over that of the half second before, unfiltered. A drop of adhesion makes one "
     "and stays; a slip cycle comes back.",
 )

@@ -184,11 +184,15 @@ def test_frames_tell_an_axles_own_word(film: Film) -> None:
                 assert (told["AxlesFused"], told["MuAvailableOwn"], told["MuUsedMostAxle"]) == (0, 655.35, 0)
                 continue
             assert (told["AxlesFused"], told["MuUsedMostAxle"]) == (r["axles"], r["most_used_axle"])
+            if np.isnan(r["own_pct"]):  # what is in use contradicts it
+                assert (told["MuAvailableOwn"], together["MuAvailable"]) == (655.35, 655.35)
+                continue
             assert 0.0 <= r["own_pct"] - told["MuAvailableOwn"] < 0.01 + 1e-9
             assert told["HalfWidthOwn"] == pytest.approx(min(r["own_half_width_pp"], 100.0), abs=0.051)
-            assert told["MuUsedMost"] == pytest.approx(r["most_used_pct"], abs=0.0051)
+            assert 0.0 <= r["most_used_pct"] - told["MuUsedMost"] < 0.01 + 1e-9
             if r["axles"] == 1 and r["most_used_axle"] == axle:
-                assert told["MuAvailableOwn"] == together["MuAvailable"]
+                assert together["MuAvailable"] <= told["MuAvailableOwn"]  # less: one ahead has found a worse rail
+                assert together["MuAvailable"] == told["MuAvailableOwn"] or stamp - LOG_START_US > 4_000_000
 
 
 REVERSE = 'speed = { signal = "VehicleSpeed.Speed", scale = -0.0025, range = [-100, 0] }'

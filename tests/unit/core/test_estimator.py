@@ -229,13 +229,6 @@ def test_tick_after_a_gap_stays_out_of_the_window(design: Design) -> None:
     assert live[130 + HOLD_TICKS :] == [True] * 20 + [False] * 3 + [True] * 27
 
 
-@pytest.mark.parametrize("judged", [True, False])
-def test_where_no_pair_is_judged_nothing_is_summed_up(design: Design, judged: bool) -> None:
-    e = SteppedEstimator(design if judged else replace(design, health=None), 1)
-    assert all(np.isfinite(x.mu_available_pct).all() for x in list(estimates(e, track(3.05)))[-1:])
-    assert e._axle["pair_ticks"].any() == judged
-
-
 def test_a_word_of_no_adhesion_at_all_is_still_remembered(design: Design) -> None:
     none = replace(design, polynomial=np.zeros_like(design.polynomial), adhesion_range_pct=(0.0, 100.0))
     e = SteppedEstimator(none, 1)

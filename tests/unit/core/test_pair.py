@@ -10,9 +10,11 @@ from tests.support.c_parts import Pairs
 from tests.support.lone_wheelset import LONE_DESIGN
 from wrcd.core.design import load_design
 from wrcd.core.design_members import BANDS_HZ, band_filters
+from wrcd.core.terms import COLUMNS
 
 TICK_S, SPEED, WHEELBASE_TICKS = 0.005, 25.0, 20
 NOISE = np.array([3e-4, 0.01])
+FINE, POWER, CROSS, THEIRS, ACROSS = slice(1, 3), slice(7, 13), slice(13, 16), slice(16, 22), slice(22, 46)
 
 
 def pairs_of(axles: int) -> Pairs:
@@ -30,24 +32,26 @@ def test_filters_are_butterworths_that_leave_white_noise_its_power() -> None:
     pairs = pairs_of(2)
     for row in z:
         pairs.step(row, [True, True])
-    powers = np.diagonal(pairs.products[0], axis1=1, axis2=2) / len(z)
-    assert powers == pytest.approx(np.ones((3, 4)), rel=0.2)
-    assert pairs.state["pair_plain"][:, :2] / len(z) == pytest.approx(np.ones((2, 2)), rel=0.1)  # fourth differences
+    mean = pairs.total / len(z)
+    assert mean[:, POWER] == pytest.approx(np.ones((2, 6)), rel=0.2)
+    assert mean[:, THEIRS] == pytest.approx(mean[::-1, POWER])
+    assert mean[:, FINE] == pytest.approx(np.ones((2, 2)), rel=0.1)
 
 
-def test_products_are_of_any_two_signals() -> None:
+def test_products_are_of_the_two_signals_of_a_pair() -> None:
     rng = np.random.default_rng(2)
     common = rng.standard_normal(8000)
     z = NOISE[:, None] * rng.standard_normal((8000, 2, 2))
     z[:, 0, 0] += 3.0 * NOISE[0] * common
-    z[:, 1, 1] -= 2.0 * NOISE[1] * common
+    z[:, 1, 0] -= 2.0 * NOISE[1] * common
     pairs = pairs_of(2)
     for row in z:
         pairs.step(row, [True, True])
-    together = pairs.products[0, 2] / len(z)
-    assert together.diagonal() == pytest.approx([10.0, 1.0, 1.0, 5.0], rel=0.15)
-    assert together[0, 3] == pytest.approx(-6.0, rel=0.15)
-    assert together[0, 1] == pytest.approx(0.0, abs=0.3)
+    mean = pairs.total / len(z)
+    assert mean[0, POWER][4:] == pytest.approx([10.0, 5.0], rel=0.15)  # of the highest band
+    assert mean[0, CROSS][2] == pytest.approx(-6.0, rel=0.15)
+    assert mean[1, CROSS][2] == pytest.approx(0.0, abs=0.3)
+    assert mean[:, ACROSS] == pytest.approx(np.zeros((2, 24)), abs=0.6)
 
 
 def test_axle_without_data_counts_for_nothing_and_disturbs_nobody() -> None:
@@ -56,15 +60,16 @@ def test_axle_without_data_counts_for_nothing_and_disturbs_nobody() -> None:
     for row in z:
         both.step(np.where([True, False], row, np.nan), [True, False])
         alone.step(row[:, :1], [True])
-    assert both.state["pair_ticks"].tolist() == [1000.0, 0.0]
-    np.testing.assert_array_equal(both.products, alone.products)
+    assert both.total[:, 0].tolist() == [1000.0, 0.0]
+    np.testing.assert_array_equal(both.total[0], alone.total[0])
+    assert not both.total[1, : THEIRS.start].any()
 
 
 def test_any_number_is_taken() -> None:
     pairs = pairs_of(1)
     for value in (1e300, -1e300, 0.0, 1e-300):
         pairs.step(np.full((2, 1), value), [True])
-    assert np.isfinite(pairs.products).all()
+    assert np.isfinite(pairs.total).all()
 
 
 def test_signals_of_two_axles_are_compared_a_wheelbase_apart() -> None:
@@ -74,14 +79,14 @@ def test_signals_of_two_axles_are_compared_a_wheelbase_apart() -> None:
     z[:, 0, 0] += 3.0 * NOISE[0] * track[later:]
     z[:, 1, 1] += 2.0 * NOISE[1] * track[:-later]  # the second axle comes there later
     pairs = pairs_of(2)
-    pairs.look(SPEED, np.zeros(2), np.zeros((2, 27)))
+    pairs.look(SPEED, np.zeros(2), np.zeros((2, COLUMNS)))
     for row in z:
         pairs.step(row, [True, True])
-    together, apart = pairs.products[:, 2] / len(z)
     # accelerometer of the second axle now, gyro of the first one a wheelbase ago
-    assert apart[3, 0] == pytest.approx(6.0, rel=0.15)
-    assert apart[0, 3] == pytest.approx(0.0, abs=0.6)
-    assert together[3, 0] == pytest.approx(0.0, abs=0.6)
+    across = (pairs.total / len(z))[:, ACROSS].reshape(2, 2, 4, 3)[..., 2]  # axle, way, signals, of the highest band
+    expected = np.zeros((2, 2, 4))
+    expected[1, 0, 3] = expected[0, 1, 2] = 6.0
+    assert across == pytest.approx(expected, rel=0.15, abs=0.6)
 
 
 def test_reset_axle_beside_a_running_one_begins_as_a_new_one() -> None:

@@ -22,7 +22,6 @@ void wrcd_begin(wrcd_estimator *e, const wrcd_design *d, int axles)
     e->speed = NAN;
     e->speed_m_s = d->speed_low_m_s;
     e->window_newest = e->node = -1.0;
-    e->pair_later = d->longest_wheelbase_ticks;
     for (int axle = 0; axle < axles; axle++) {
         double *odds = e->axle[axle].log_odds;
         wrcd_reset(e, d, axle);
@@ -42,7 +41,7 @@ void wrcd_reset(wrcd_estimator *e, const wrcd_design *d, int axle)
     CLEAR(bank_x), CLEAR(complete), CLEAR(started), CLEAR(delayed), CLEAR(delayed_live), CLEAR(delayed_clear), CLEAR(memory);
 #undef CLEAR
     wrcd_window_reset(e, d, axle);
-    wrcd_pair_reset(e, d, axle);
+    wrcd_bands_reset(e, d, axle);
     for (int other = 0; other < (int)e->axles; other++)
         any = any || e->axle[other].started > 0.0;
     if (!any) { /* the speed is all axles' */
@@ -130,8 +129,8 @@ static int step_axle(wrcd_estimator *e, const wrcd_design *d, const bank_matrice
         for (int i = 0; i < d->states; i++)
             reset = reset || !isfinite(a->bank_x[k][i]);
     wrcd_noise_step(a, d, z, accepted && !near);
-    if (d->health != NULL)
-        wrcd_pair_step(e, d, axle, z, accepted && !near);
+    if (!d->is_paper)
+        wrcd_bands_step(e, d, axle, z, accepted && !near);
     a->started = accepted ? 1.0 : a->started;
     /* The first innovation after a gap spans several ticks, and stays out. A sensor slower than the ticks, for which no gain
      * here is made, therefore never gives an estimate. */
@@ -174,9 +173,9 @@ int wrcd_step(wrcd_estimator *e, const wrcd_design *d, const wrcd_tick *tick, wr
     wrcd_window_move(e, d, tick->number / WRCD_BLOCK_TICKS);
     for (int axle = 0; axle < (int)e->axles; axle++)
         found |= step_axle(e, d, &at, axle, tick, result);
-    if (d->health != NULL)
-        wrcd_pair_end_of_tick(e, d);
-    if (!d->is_paper)
+    if (!d->is_paper) {
+        wrcd_bands_end_of_tick(e, d);
         look_back(e, d, tick->number + 1);
+    }
     return found;
 }

@@ -5,154 +5,35 @@
  * sound pair does: the rail is unknown to all states alike. */
 #include "parts.h"
 
-enum { BANDS = WRCD_BANDS, OUTPUTS = WRCD_PAIR_OUTPUTS, STATES = WRCD_PAIR_STATES, ROWS = WRCD_PAIR_ROWS, PLACES = 4 };
-static const double OFFSET_S = 2.0;        /* memory of the running mean that is taken off */
-static const double MAX_NOISE_RATIO = 1e6; /* times the noise: what is further off does not count for more */
-
-/* One tick of an axle's channel: white noise of power one leaves power one in each output. x: the states before, kept
- * where `used`. */
-static void filter(const wrcd_design *d, double in, double x[WRCD_PAIR_FILTER][CHANNELS], int c, bool used,
-                   double out[OUTPUTS])
-{
-    double *y4 = &out[BANDS];
-
-    for (int k = 0; k < BANDS; k++) {
-        const double *f = d->bands + 6 * k;
-        const double first = x[k][c], second = x[BANDS + k][c], y = f[0] * in + first;
-        if (used) {
-            x[k][c] = f[1] * in - f[4] * y + second;
-            x[BANDS + k][c] = f[2] * in - f[5] * y;
-        }
-        out[k] = y / sqrt(f[0]);
-    }
-    double *past = &x[2 * BANDS][c];
-    *y4 = (in - 4.0 * past[0] + 6.0 * past[CHANNELS] - 4.0 * past[2 * CHANNELS] + past[3 * CHANNELS]) / sqrt(70.0);
-    if (used) {
-        for (int k = 3; k > 0; k--)
-            past[k * CHANNELS] = past[(k - 1) * CHANNELS];
-        past[0] = in;
-    }
-}
-
-static double *ring_of(wrcd_estimator *e, const wrcd_design *d, int bogie, int at)
-{
-    const ptrdiff_t length = d->longest_wheelbase_ticks + 1, before = (ptrdiff_t)e->axles * 2 * d->longest * WRCD_SUMS;
-
-    return e->rest + before + (bogie * length + at) * BANDS * PLACES;
-}
-
-/* One tick of an axle's raw measurements; their running mean is taken off. */
-void wrcd_pair_step(wrcd_estimator *e, const wrcd_design *d, int axle, const double z[CHANNELS], bool used)
-{
-    wrcd_axle *a = &e->axle[axle];
-    double *now = ring_of(e, d, axle / 2, (int)e->pair_at);
-
-    if (used)
-        a->pair_offset_ticks = lesser(a->pair_offset_ticks + 1.0, OFFSET_S / d->tick_s);
-    for (int c = 0; c < CHANNELS; c++) {
-        double x = used ? held(z[c] / d->noise_rms[c], -MAX_NOISE_RATIO, MAX_NOISE_RATIO) : 0.0, y[OUTPUTS];
-        if (used)
-            a->pair_mean[c] += (x - a->pair_mean[c]) / greater(a->pair_offset_ticks, 1.0);
-        x -= a->pair_mean[c];
-        filter(d, x, a->pair_filter, c, used, y);
-        for (int k = 0; k < BANDS; k++)
-            now[k * PLACES + 2 * c + axle % 2] = used ? y[k] : 0.0;
-        if (used) {
-            a->pair_plain[0][c] += y[BANDS] * y[BANDS];
-            a->pair_plain[1][c] += x;
-            a->pair_plain[2][c] += x * x;
-        }
-    }
-    a->pair_ticks += used ? 1.0 : 0.0;
-    a->pair_goes_on = used ? 1.0 : 0.0;
-}
-
-/* Products of any two signals of a bogie: together, and apart, the second a wheelbase ago. */
-void wrcd_pair_end_of_tick(wrcd_estimator *e, const wrcd_design *d)
-{
-    const int length = d->longest_wheelbase_ticks + 1, at = (int)e->pair_at;
-    const int then = ((at - (int)e->pair_later) % length + length) % length;
-
-    for (int bogie = 0; bogie < ((int)e->axles + 1) / 2; bogie++) {
-        const double *now = ring_of(e, d, bogie, at), *before = ring_of(e, d, bogie, then);
-        for (int k = 0; k < BANDS; k++)
-            for (int i = 0; i < PLACES; i++)
-                for (int j = 0; j < PLACES; j++) {
-                    e->pair_products[bogie][0][k][i][j] += now[k * PLACES + i] * now[k * PLACES + j];
-                    e->pair_products[bogie][1][k][i][j] += now[k * PLACES + i] * before[k * PLACES + j];
-                }
-    }
-    e->pair_at = (at + 1) % length;
-}
-
-/* Start an axle's filters and its span anew; what was found out before stays. */
-void wrcd_pair_reset(wrcd_estimator *e, const wrcd_design *d, int axle)
-{
-    wrcd_axle *a = &e->axle[axle];
-    const int bogie = axle / 2, place = axle % 2;
-    bool any = false;
-
-    memset(a->pair_filter, 0, sizeof a->pair_filter);
-    memset(a->pair_mean, 0, sizeof a->pair_mean);
-    memset(a->pair_plain, 0, sizeof a->pair_plain);
-    a->pair_offset_ticks = a->pair_ticks = a->pair_goes_on = 0.0;
-    for (int k = 0; k < 2 * BANDS; k++)
-        for (int i = 0; i < PLACES; i++)
-            for (int j = 0; j < PLACES; j++)
-                if (i % 2 == place || j % 2 == place)
-                    e->pair_products[bogie][k / BANDS][k % BANDS][i][j] = 0.0;
-    for (int k = 0; k <= d->longest_wheelbase_ticks; k++)
-        for (int i = 0; i < BANDS * PLACES; i++)
-            if (i % 2 == place)
-                ring_of(e, d, bogie, k)[i] = 0.0;
-    for (int other = 0; other < (int)e->axles; other++)
-        any = any || e->axle[other].pair_offset_ticks > 0.0;
-    if (!any) {
-        e->pair_at = 0.0;
-        e->pair_later = d->longest_wheelbase_ticks;
-    }
-}
-
+enum { STATES = WRCD_PAIR_STATES, ROWS = WRCD_PAIR_ROWS };
 enum { POWER = 0, CROSS_POWER = 2 * BANDS, FINE = 3 * BANDS, VARIANCE = FINE + 2, OF_PARTNER = VARIANCE + 2,
        PARTNER = OF_PARTNER + 8 * BANDS, GIVEN = PARTNER + 2 * BANDS };
+_Static_assert((int)GIVEN + (int)GIVEN_COLUMNS == (int)WRCD_PAIR_ROWS, "rows of a span");
 static const double MIN_SHARE = 0.5; /* of a span's ticks that an axle must have data in */
-static const double FLOOR = 0.02;    /* of the noise's power */
 static const double LEAST_RATIO = 0.003, MIN_SPEED_M_S = 1.0;
-static const int ACROSS[4][2] = {{YAW, YAW}, {LAT, LAT}, {YAW, LAT}, {LAT, YAW}}; /* own signal, partner's */
 static const int SPANS[2] = {5, WRCD_PAIR_SPANS}; /* of the means, 1.2 and 6 s: what was loud before is gone then */
 
 /* The newest span's means of an axle's pair, with its partner's where that counts. Rows: power [BANDS][2], cross [BANDS],
- * fine [2], variance [2], of partner [2][4][BANDS], partner's power [BANDS][2], what the rules were given. */
-static void rows_of(const wrcd_estimator *e, int axle, bool partner, const double inputs[WRCD_COLUMNS], double row[ROWS])
+ * fine [2], variance [2], of partner [2][4][BANDS], partner's power [BANDS][2], what the rules were given but the
+ * bands. */
+static void rows_of(const double sums[SUMS], double their_ticks, const double inputs[WRCD_COLUMNS], double row[ROWS])
 {
-    const wrcd_axle *a = &e->axle[axle];
-    const int own = axle % 2, their = 1 - own;
-    double per[PLACES];
+    const double ticks = greater(sums[BAND_N], 1.0), both = sqrt(ticks) * sqrt(greater(their_ticks, 1.0));
 
-    for (int i = 0; i < PLACES; i++) {
-        const int other = axle - own + i % 2;
-        per[i] = greater(sqrt(other < (int)e->axles ? greater(e->axle[other].pair_ticks, 1.0) : 0.0), 1.0);
+    for (int k = 0; k < 2 * BANDS; k++) {
+        row[POWER + k] = sums[OWN_POWER + k] / ticks;
+        row[PARTNER + k] = their_ticks > 0.0 ? sums[THEIR_POWER + k] / their_ticks : 0.0;
     }
-#define MEAN(which, k, i, j) (e->pair_products[axle / 2][which][k][i][j] / (per[i] * per[j]))
-    for (int k = 0; k < BANDS; k++) {
-        for (int c = 0; c < CHANNELS; c++) {
-            row[POWER + 2 * k + c] = MEAN(0, k, 2 * c + own, 2 * c + own);
-            row[PARTNER + 2 * k + c] = partner ? MEAN(0, k, 2 * c + their, 2 * c + their) : 0.0;
-        }
-        row[CROSS_POWER + k] = MEAN(0, k, 2 * YAW + own, 2 * LAT + own);
-        for (int i = 0; i < 4; i++) {
-            const int mine = 2 * ACROSS[i][0] + own, theirs = 2 * ACROSS[i][1] + their;
-            row[OF_PARTNER + i * BANDS + k] = partner ? MEAN(1, k, mine, theirs) : 0.0;
-            row[OF_PARTNER + (4 + i) * BANDS + k] = partner ? MEAN(1, k, theirs, mine) : 0.0;
-        }
-    }
-#undef MEAN
+    for (int k = 0; k < BANDS; k++)
+        row[CROSS_POWER + k] = sums[OWN_CROSS + k] / ticks;
+    for (int k = 0; k < 8 * BANDS; k++)
+        row[OF_PARTNER + k] = their_ticks > 0.0 ? sums[SUM_ACROSS + k] / both : 0.0;
     for (int c = 0; c < CHANNELS; c++) {
-        const double ticks = greater(a->pair_ticks, 1.0), mean = a->pair_plain[1][c] / ticks;
-        row[FINE + c] = a->pair_plain[0][c] / ticks;
-        row[VARIANCE + c] = a->pair_plain[2][c] / ticks - mean * mean;
+        const double mean = sums[PLAIN + c] / ticks;
+        row[FINE + c] = sums[SUM_FINE + c] / ticks;
+        row[VARIANCE + c] = sums[PLAIN + CHANNELS + c] / ticks - mean * mean;
     }
-    for (int c = 0; c < WRCD_COLUMNS; c++)
+    for (int c = 0; c < GIVEN_COLUMNS; c++)
         row[GIVEN + c] = isfinite(inputs[c]) ? inputs[c] : 0.0;
 }
 
@@ -162,13 +43,13 @@ static double *own_features(const double row[ROWS], double *x)
     double power[2 * BANDS];
 
     for (int k = 0; k < 2 * BANDS; k++) {
-        power[k] = row[POWER + k] + FLOOR;
+        power[k] = row[POWER + k] + BAND_FLOOR;
         *x++ = log10(power[k]);
     }
     for (int k = 0; k < BANDS; k++)
         *x++ = row[CROSS_POWER + k] / sqrt(power[2 * k + YAW] * power[2 * k + LAT]);
     for (int k = 0; k < 4; k++)
-        *x++ = log10(greater(row[FINE + k], 0.0) + FLOOR);
+        *x++ = log10(greater(row[FINE + k], 0.0) + BAND_FLOOR);
     return x;
 }
 
@@ -177,8 +58,8 @@ static double *partner_features(const double row[ROWS], double *x)
 {
     for (int i = 0; i < 8; i++)
         for (int k = 0; k < BANDS; k++) {
-            const double mine = row[POWER + 2 * k + ACROSS[i % 4][0]] + FLOOR;
-            const double theirs = row[PARTNER + 2 * k + ACROSS[i % 4][1]] + FLOOR;
+            const double mine = row[POWER + 2 * k + WRCD_ACROSS[i % 4][0]] + BAND_FLOOR;
+            const double theirs = row[PARTNER + 2 * k + WRCD_ACROSS[i % 4][1]] + BAND_FLOOR;
             *x++ = row[OF_PARTNER + i * BANDS + k] / sqrt(mine * theirs);
         }
     return x;
@@ -186,8 +67,8 @@ static double *partner_features(const double row[ROWS], double *x)
 
 static double *copied(const double *from, double *x)
 {
-    memcpy(x, from, WRCD_COLUMNS * sizeof *x);
-    return x + WRCD_COLUMNS;
+    memcpy(x, from, GIVEN_COLUMNS * sizeof *x);
+    return x + GIVEN_COLUMNS;
 }
 
 /* Over the newest spans, or those that there are. */
@@ -272,7 +153,7 @@ static void update(const wrcd_health_table *h, const double x[WRCD_PAIR_FEATURES
     }
 }
 
-static bool likely_sound(const wrcd_axle *a)
+bool wrcd_pair_sound(const wrcd_axle *a)
 {
     double p[STATES];
 
@@ -285,12 +166,12 @@ void wrcd_health_look(wrcd_estimator *e, const wrcd_design *d, const double inpu
 {
     const int axles = (int)e->axles;
     bool known[WRCD_MAX_AXLES] = {false}, sound[WRCD_MAX_AXLES] = {false};
-    double x[WRCD_PAIR_FEATURES];
+    double sums[WRCD_MAX_AXLES][SUMS], x[WRCD_PAIR_FEATURES];
 
-    for (int axle = 0; axle < axles; axle++) {
-        const wrcd_axle *a = &e->axle[axle];
-        known[axle] = a->pair_ticks >= MIN_SHARE * (double)SPAN_TICKS && a->pair_goes_on > 0.0;
-        sound[axle] = likely_sound(a);
+    for (int axle = 0; axle < axles && axle < WRCD_MAX_AXLES; axle++) { /* says twice how many, for gcc's -Wstringop-overflow */
+        wrcd_window_sums(e, d, axle, 0, SPAN_TICKS / WRCD_BLOCK_TICKS, true, sums[axle]);
+        known[axle] = sums[axle][BAND_N] >= MIN_SHARE * (double)SPAN_TICKS && e->axle[axle].pair_goes_on > 0.0;
+        sound[axle] = wrcd_pair_sound(&e->axle[axle]);
     }
     for (int axle = 0; axle < axles; axle++) {
         wrcd_axle *a = &e->axle[axle];
@@ -298,19 +179,12 @@ void wrcd_health_look(wrcd_estimator *e, const wrcd_design *d, const double inpu
         if (!known[axle])
             continue;
         memmove(a->health_rows[1], a->health_rows[0], (WRCD_PAIR_SPANS - 1) * sizeof a->health_rows[0]);
-        rows_of(e, axle, partner < axles && known[partner] && sound[partner], inputs[axle], a->health_rows[0]);
+        const bool counts = partner < axles && known[partner] && sound[partner];
+        rows_of(sums[axle], counts ? sums[partner][BAND_N] : 0.0, inputs[axle], a->health_rows[0]);
         a->health_held = lesser(a->health_held + 1.0, WRCD_PAIR_SPANS);
         wrcd_pair_features(a, e->speed_m_s, ratio[axle], x);
         update(d->health, x, a->log_odds);
     }
-    for (int axle = 0; axle < axles; axle++) {
-        memset(e->axle[axle].pair_plain, 0, sizeof e->axle[axle].pair_plain);
-        e->axle[axle].pair_ticks = 0.0;
-    }
-    memset(e->pair_products, 0, sizeof e->pair_products);
-    const double speed = isfinite(e->speed_m_s) ? greater(fabs(e->speed_m_s), SLOWEST_M_S) : SLOWEST_M_S;
-    const double wheelbase = nearbyint(d->wheelbase_m / d->tick_s / speed);
-    e->pair_later = lesser(wheelbase, d->longest_wheelbase_ticks);
 }
 
 /* The state that leads beside a sound pair. */
@@ -325,7 +199,7 @@ static int lead_of(const wrcd_axle *a)
 
 int wrcd_pair_state(const wrcd_estimator *e, int axle)
 {
-    return likely_sound(&e->axle[axle]) ? 0 : lead_of(&e->axle[axle]);
+    return wrcd_pair_sound(&e->axle[axle]) ? 0 : lead_of(&e->axle[axle]);
 }
 
 /* For a person: of an axle the states' probabilities, and what they were found by: the state that leads beside a sound pair,
@@ -339,7 +213,7 @@ void wrcd_health_figures(const wrcd_estimator *e, int axle, double p[STATES], do
     mean_of(a, WRCD_PAIR_SPANS, mean);
     figures[0] = lead_of(a);
     for (int k = 0; k < 2; k++) {
-        const double yaw = mean[POWER + 2 * k + YAW] + FLOOR, lat = mean[POWER + 2 * k + LAT] + FLOOR;
+        const double yaw = mean[POWER + 2 * k + YAW] + BAND_FLOOR, lat = mean[POWER + 2 * k + LAT] + BAND_FLOOR;
         figures[1 + k] = mean[CROSS_POWER + k] / sqrt(yaw * lat);
         figures[3 + k] = sqrt(greater(mean[VARIANCE + k], 0.0));
     }

@@ -12,12 +12,17 @@
 #error "build without -ffast-math: what is unknown is NaN"
 #endif
 
-enum { MODELS = WRCD_MODELS, CHANNELS = WRCD_CHANNELS, W = WRCD_MODELS * WRCD_CHANNELS, YAW = 0, LAT = 1 };
+enum { MODELS = WRCD_MODELS, CHANNELS = WRCD_CHANNELS, W = WRCD_MODELS * WRCD_CHANNELS, YAW = 0, LAT = 1, BANDS = WRCD_BANDS };
 
 /* What designs and words in Python go by, too: wrcd_constant() tells it. */
 enum { REMEMBER_TICKS = 16, SPAN_TICKS = 48 }; /* from one word that is fused, and one look at the sensors, to the next */
 /* Where among what the rules are given correlations, noise, the torque's swing and the residuals' steps begin. */
-enum { LAG = WRCD_INPUTS, CROSS = LAG + W, LENGTH = CROSS + MODELS, NOISE, SWING = NOISE + CHANNELS, STEP = SWING + 2 };
+enum {
+    LAG = WRCD_INPUTS, CROSS = LAG + W, LENGTH = CROSS + MODELS, NOISE, SWING = NOISE + CHANNELS, STEP = SWING + 2,
+    IN_BANDS = STEP + 4, OF_PARTNER_IN_BANDS = IN_BANDS + 3 * BANDS, BAND_COLUMNS = (3 + 8) * BANDS,
+    GIVEN_COLUMNS = IN_BANDS /* that pairs are judged by, too */
+};
+_Static_assert((int)IN_BANDS + (int)BAND_COLUMNS == (int)WRCD_COLUMNS, "what the rules are given");
 /* Below this total firing no rule speaks for the moment: the answer is "I don't know", not a guess. */
 static const double MIN_FIRING = 0.05;
 static const double LOG_SPREADS[2] = {-2.7, 0.3}; /* no interval is narrower or wider than this, over the adhesion (log10) */
@@ -60,8 +65,12 @@ void wrcd_gate_why(const wrcd_estimator *e, int axle, const double innovation[MO
 /* residuals.c: columns of a block's running sums */
 enum {
     N, HEARD, LIVE, T, TT, SUM_W, SUM_TW = SUM_W + W, SUM_WW = SUM_TW + W, SUM_LAG = SUM_WW + W, SUM_CROSS = SUM_LAG + W,
-    RATIO = SUM_CROSS + MODELS, RATIO_N, RAW_N, SUM_RAW, SUM_RAW2 = SUM_RAW + W, SUMS = SUM_RAW2 + W
+    RATIO = SUM_CROSS + MODELS, RATIO_N, RAW_N, SUM_RAW, SUM_RAW2 = SUM_RAW + W,
+    BAND_N = SUM_RAW2 + W, SUM_FINE, PLAIN = SUM_FINE + CHANNELS, OWN_POWER = PLAIN + 2 * CHANNELS,
+    OWN_CROSS = OWN_POWER + 2 * BANDS, THEIR_POWER = OWN_CROSS + BANDS, SUM_ACROSS = THEIR_POWER + 2 * BANDS,
+    SUMS = SUM_ACROSS + 8 * BANDS
 };
+_Static_assert((int)SUMS == (int)WRCD_SUMS, "room for the sums");
 typedef struct {
     double mean_square[MODELS], lag[W], cross[MODELS], ratio, ticks, heard_share, live_share;
 } window_statistics;
@@ -70,6 +79,8 @@ typedef struct { bool running, heard, live, calm; double ratio; } window_tick;
 void wrcd_window_put(wrcd_estimator *e, const wrcd_design *d, int axle, int64_t tick, const double w[W], const double raw[W],
                 window_tick is);
 void wrcd_window_reset(wrcd_estimator *e, const wrcd_design *d, int axle);
+double *wrcd_window_row(wrcd_estimator *e, const wrcd_design *d, int axle, int row);
+double *wrcd_window_newest(wrcd_estimator *e, const wrcd_design *d, int axle);
 void wrcd_window_truncate(wrcd_estimator *e, int axle, int blocks);
 int wrcd_window_filled(const wrcd_estimator *e, const wrcd_design *d, int axle);
 /* Sums over the blocks first ... end - 1, counted back from the newest; past_change: what lies before one, too. */
@@ -86,6 +97,7 @@ typedef struct { double output, firing, rule_share, spread; int rule; } rules_an
 void wrcd_rules_infer(const wrcd_design *d, const double inputs[WRCD_COLUMNS], rules_answer *answer);
 typedef struct { /* of an axle at one moment, whatever the window's length */
     double now, lasting, range[2], step[MODELS], noise_factor[CHANNELS], floor[MODELS], grid_speed_m_s;
+    bool partner_counts; /* its signals, beside the axle's own */
 } rules_moment;
 typedef struct { /* what the rules say of one window: adhesion, and its half-width as a share of it */
     double mu_pct, spread, inputs[WRCD_COLUMNS];
@@ -110,13 +122,19 @@ bool wrcd_memory_fuse(double memory[WRCD_REMEMBERED], rail_word own, bool whole,
 void wrcd_memory_changes(wrcd_estimator *e, const wrcd_design *d, int axle);
 void wrcd_memory_remember(wrcd_estimator *e, const wrcd_design *d, int axle, double inputs[WRCD_COLUMNS], double *ratio);
 
+/* bands.c */
+static const double BAND_FLOOR = 0.02; /* of the noise's power, in each band */
+extern const int WRCD_ACROSS[4][2];    /* own signal, partner's */
+void wrcd_bands_step(wrcd_estimator *e, const wrcd_design *d, int axle, const double z[CHANNELS], bool used);
+void wrcd_bands_end_of_tick(wrcd_estimator *e, const wrcd_design *d);
+void wrcd_bands_reset(wrcd_estimator *e, const wrcd_design *d, int axle);
+void wrcd_bands_columns(const double sums[SUMS], bool partner_counts, double x[BAND_COLUMNS]);
+
 /* health.c */
-void wrcd_pair_step(wrcd_estimator *e, const wrcd_design *d, int axle, const double z[CHANNELS], bool used);
-void wrcd_pair_end_of_tick(wrcd_estimator *e, const wrcd_design *d);
-void wrcd_pair_reset(wrcd_estimator *e, const wrcd_design *d, int axle);
+bool wrcd_pair_sound(const wrcd_axle *a);
 void wrcd_pair_features(const wrcd_axle *a, double speed_m_s, double ratio, double x[WRCD_PAIR_FEATURES]);
 void wrcd_health_look(wrcd_estimator *e, const wrcd_design *d, const double inputs[][WRCD_COLUMNS], const double *ratio);
-enum { OWN_FEATURES = 3 * WRCD_BANDS + 2 * CHANNELS }; /* of a pair's own signals */
+enum { OWN_FEATURES = 3 * BANDS + 2 * CHANNELS }; /* of a pair's own signals */
 void wrcd_health_evidence(const wrcd_health_table *h, const double x[WRCD_PAIR_FEATURES], double evidence[WRCD_PAIR_STATES]);
 
 void wrcd_health_figures(const wrcd_estimator *e, int axle, double p[WRCD_PAIR_STATES], double figures[5]);

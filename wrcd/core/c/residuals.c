@@ -105,6 +105,13 @@ void wrcd_window_put(wrcd_estimator *e, const wrcd_design *d, int axle, int64_t 
     memcpy(a->window_past[WRCD_LAG - 1], is.running ? w : nothing, sizeof a->window_past[0]);
 }
 
+double *wrcd_window_row(wrcd_estimator *e, const wrcd_design *d, int axle, int row) { return e->rest + row_at(d, axle, row); }
+
+double *wrcd_window_newest(wrcd_estimator *e, const wrcd_design *d, int axle)
+{
+    return wrcd_window_row(e, d, axle, end_row(e, d));
+}
+
 void wrcd_window_reset(wrcd_estimator *e, const wrcd_design *d, int axle)
 {
     wrcd_axle *a = &e->axle[axle];

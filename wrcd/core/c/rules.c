@@ -13,6 +13,7 @@ void wrcd_rules_moment(const wrcd_estimator *e, const wrcd_design *d, int axle, 
     const int half = d->usual / 2;
 
     m->now = torque_now;
+    m->partner_counts = d->is_bogie && (axle ^ 1) < (int)e->axles && wrcd_pair_sound(&e->axle[axle ^ 1]);
     wrcd_window_sums(e, d, axle, d->now, d->now + d->step, true, before);
     m->lasting = fmin(torque_now, torque_of(before));
     wrcd_window_torque_range(e, d, axle, half, m->range);
@@ -31,9 +32,9 @@ void wrcd_rules_moment(const wrcd_estimator *e, const wrcd_design *d, int axle, 
 }
 
 /* What the rules are given: log10 of residuals 1 to 3 over residual 4 and of residual 4, of torque ratio and speed; the
- * correlations; log10 of the window's length and of the noise; the torque's swing; the steps. */
+ * correlations; log10 of the window's length and of the noise; the torque's swing; the steps; what the signals are in bands. */
 static void columns_of(const wrcd_design *d, const rules_moment *m, const window_statistics *s, double ratio,
-                       double x[WRCD_COLUMNS])
+                       const double sums[SUMS], double x[WRCD_COLUMNS])
 {
     double logs[MODELS], torque[3] = {m->range[0], m->now, m->range[1]}, largest = 0.0;
 
@@ -62,6 +63,7 @@ static void columns_of(const wrcd_design *d, const rules_moment *m, const window
     x[STEP + 1] = step[2];
     x[STEP + 2] = step[3];
     x[STEP + 3] = largest;
+    wrcd_bands_columns(sums, m->partner_counts, x + IN_BANDS);
 }
 
 /* The degrees of an input's triangular sets, which add up to one; beyond its outermost sets it counts as at their middle. */
@@ -82,9 +84,8 @@ static void degrees_of(const wrcd_design *d, int input, double x, double degree[
  * changed by slopes as the inputs move away from the middle of the rule's sets (Takagi's and Sugeno's form). */
 void wrcd_rules_infer(const wrcd_design *d, const double inputs[WRCD_COLUMNS], rules_answer *answer)
 {
-    enum { SAID = 2 * (WRCD_COLUMNS + 1), AT_ONCE = SAID / 4 /* sums that a processor's registers hold */ };
-    _Static_assert(SAID % AT_ONCE == 0, "four sums of one length");
-    double degree[WRCD_INPUTS][WRCD_MAX_SETS], weight[WRCD_MAX_RULES], said[SAID], firing = 0.0, most = -1.0;
+    enum { SAID = 2 * (WRCD_COLUMNS + 1) };
+    double degree[WRCD_INPUTS][WRCD_MAX_SETS], weight[WRCD_MAX_RULES], said[SAID] = {0.0}, firing = 0.0, most = -1.0;
     int heaviest = 0, fired[WRCD_MAX_RULES], count = 0;
 
     for (int i = 0; i < WRCD_INPUTS; i++)
@@ -107,14 +108,10 @@ void wrcd_rules_infer(const wrcd_design *d, const double inputs[WRCD_COLUMNS], r
         answer->rule = 0;
         return;
     }
-    for (int k = 0; k < count; k++)
-        weight[fired[k]] /= firing;
-    for (int c = 0; c < SAID; c += AT_ONCE) {
-        double sum[AT_ONCE] = {0.0};
-        for (int k = 0; k < count; k++)
-            for (int i = 0; i < AT_ONCE; i++)
-                sum[i] += weight[fired[k]] * d->consequents[fired[k] * SAID + c + i];
-        memcpy(said + c, sum, sizeof sum);
+    for (int k = 0; k < count; k++) {
+        const double share = weight[fired[k]] /= firing, *of = d->consequents + fired[k] * SAID;
+        for (int c = 0; c < SAID; c++)
+            said[c] += share * of[c];
     }
     double both[2] = {said[WRCD_COLUMNS], said[SAID - 1]};
     for (int c = 0; c < WRCD_COLUMNS; c++) {
@@ -137,7 +134,7 @@ void wrcd_rules_ask(const wrcd_estimator *e, const wrcd_design *d, int axle, con
 
     wrcd_window_sums(e, d, axle, 0, blocks, false, sums);
     wrcd_window_statistics_of(sums, d->min_ticks, &out->s);
-    columns_of(d, m, &out->s, !d->is_paper && blocks < d->usual ? m->now : out->s.ratio, out->inputs);
+    columns_of(d, m, &out->s, !d->is_paper && blocks < d->usual ? m->now : out->s.ratio, sums, out->inputs);
     wrcd_rules_infer(d, out->inputs, &out->rules);
     double mu = 0.0 * out->rules.output;
     for (int k = 0; k < d->powers; k++)

@@ -30,23 +30,21 @@ extern "C" {
 enum {
     WRCD_ABI = 1, /* of everything in this header */
     WRCD_MAX_AXLES = 8,
-    WRCD_MAX_BOGIES = (WRCD_MAX_AXLES + 1) / 2,
     WRCD_MODELS = 4,
     WRCD_CHANNELS = 2, /* yaw rate in rad/s, lateral acceleration in m/s2 */
     WRCD_MAX_STATES = 16,
     WRCD_MAX_SECTIONS = 8, /* second-order sections of a filter */
     WRCD_INPUTS = 6, /* that choose the rules: four residuals, torque, speed */
-    WRCD_COLUMNS = 27, /* what the rules are given */
+    WRCD_COLUMNS = 60, /* what the rules are given */
     WRCD_MAX_SETS = 16, /* of an input */
     WRCD_MAX_RULES = 254,
     WRCD_MAX_POLYNOMIAL = 12,
     WRCD_REGIMES = 5,
     WRCD_BLOCK_TICKS = 4, /* a window's length goes by blocks */
-    WRCD_SUMS = 60, /* columns of a block's running sums */
+    WRCD_SUMS = 106, /* columns of a block's running sums */
     WRCD_LAG = 4,
     WRCD_HOLD = 4, /* ticks that innovations wait until it is known whether a pulse follows */
-    WRCD_BANDS = 3, /* that a pair of sensors is compared in */
-    WRCD_PAIR_OUTPUTS = WRCD_BANDS + 1,
+    WRCD_BANDS = 3, /* of the signals, for rules and pairs */
     WRCD_PAIR_FILTER = 2 * WRCD_BANDS + 4, /* states */
     WRCD_PAIR_STATES = 8,
     WRCD_PAIR_ROWS = 70, /* means of a span */
@@ -95,8 +93,9 @@ typedef struct {
     wrcd_speed_table changes;            /* [MODELS] decades */
     wrcd_speed_table widening;           /* [REGIMES] over log(speed); 0 speeds: none */
     const wrcd_health_table *health;     /* NULL: no pair is judged */
-    const double *bands;                 /* [BANDS] sections that a pair is compared in */
+    const double *bands;                 /* [BANDS] sections */
     double wheelbase_m;
+    int is_bogie;                        /* whether an axle's partner runs on its rail, a wheelbase before or behind */
     int longest_wheelbase_ticks;
 } wrcd_design;
 
@@ -137,8 +136,6 @@ typedef struct {
     F(pair_filter, [WRCD_PAIR_FILTER][WRCD_CHANNELS])                                             \
     F(pair_mean, [WRCD_CHANNELS])                                                                 \
     F(pair_offset_ticks, )                                                                     \
-    F(pair_plain, [3][WRCD_CHANNELS])                                                             \
-    F(pair_ticks, )                                                                            \
     F(pair_goes_on, )                                                                          \
     F(health_rows, [WRCD_PAIR_SPANS][WRCD_PAIR_ROWS])                                             \
     F(health_held, )                                                                           \
@@ -150,8 +147,6 @@ typedef struct {
     F(speed_m_s, )                                                                             \
     F(window_newest, )                                                                         \
     F(pair_at, )                                                                               \
-    F(pair_later, )                                                                            \
-    F(pair_products, [WRCD_MAX_BOGIES][2][WRCD_BANDS][4][4])                                      \
     F(outliers, )
 
 #define WRCD_DECLARE(name, dimensions) double name dimensions;
