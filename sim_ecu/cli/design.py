@@ -26,7 +26,7 @@ def _add(p: argparse.ArgumentParser) -> None:
     p.add_argument(
         "--quick",
         action="store_true",
-        help="a third of the conditions, in three minutes: broken sensors are found less often",
+        help="a fifth of the conditions, in five minutes: broken sensors are found less often",
     )
     p.add_argument(
         "--search", metavar="NAME,…",
@@ -146,7 +146,7 @@ def _make(args: argparse.Namespace) -> int:
 
 COMMAND = Subcommand(
     "design",
-    "make the design file of a vehicle (takes ten minutes), and play it",
+    "make the design file of a vehicle (takes fifteen minutes), and play it",
     (
         ("sim-ecu design --config metro -o metro.design.json", "the design of a vehicle that comes along"),
         ("sim-ecu design --config my-rig.toml --search noise,weights -o better.toml", "a brief with a better bank"),

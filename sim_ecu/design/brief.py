@@ -197,6 +197,9 @@ def read_brief(top: Section, form: str | None = None, base: Brief | None = None)
     )
     if brief.longest_s < brief.window_s:
         raise d.error(f"must not be less than window_s = {brief.window_s:g}, is {brief.longest_s:g}", "longest_s")
+    if brief.form == "wrcd" and brief.longest_s < SPAN_TICKS * brief.tick_s:
+        least = SPAN_TICKS * brief.tick_s
+        raise d.error(f"must be {least:g} or more, the span that sensors are judged by", "longest_s")
     if brief.form == "paper" and brief.longest_s > brief.window_s:
         raise d.error(f"must be window_s = {brief.window_s:g}: windows do not grow in the paper's form", "longest_s")
     if 2 * brief.recent_s > brief.window_s:

@@ -84,19 +84,19 @@ class Plan:
     from it."""
 
     seed: int = 1
-    speeds: int = 32
-    per_speed: int = 100
+    speeds: int = 64
+    per_speed: int = 160
     speed_range: tuple[float, float] = (3.2, 58.0)
     friction_range: tuple[float, float] = (0.022, 0.65)
     utilisation_range: tuple[float, float] = (0.0, 1.0)
     # Shares of the conditions; the rest has a torque that stays. held: at or about the peak by the creep controller.
     # slipping, let_go: slip cycles through the peak, of the creep, or of a torque that is taken back. turning: a torque
     # that goes up or down. changed: coming from another rail shortly before the windows.
-    held_share: float = 0.17
+    held_share: float = 0.13
     slipping_share: float = 0.06
     let_go_share: float = 0.07
     coasting_share: float = 0.05
-    turning_share: float = 0.13
+    turning_share: float = 0.1
     changed_share: float = 0.17
     roughness_range: tuple[float, float] = (0.9, 4.0)  # times the good track's spectral density; its ends drawn more
     sensors: str = "mems"
@@ -115,7 +115,7 @@ class Plan:
 
 
 def in_a_hurry(plan: Plan) -> Plan:
-    """The plan with as many conditions as take three minutes."""
+    """The plan with as many conditions as take five minutes."""
     return replace(plan, per_speed=min(plan.per_speed, QUICK_PER_SPEED))
 
 
@@ -134,13 +134,13 @@ def draw(plan: Plan, wheelset: Wheelset) -> list[Group]:
     rng = np.random.default_rng([plan.seed, 0])
     out: list[Group] = []
     for k in range(plan.speeds):
-        share = k / max(plan.speeds - 1, 1)
-        v = plan.speed_range[0] * (plan.speed_range[1] / plan.speed_range[0]) ** share
+        slowest, fastest = plan.speed_range
+        v = (slowest**0.5 + k / max(plan.speeds - 1, 1) * (fastest**0.5 - slowest**0.5)) ** 2
         most = RAMP_M_S2 if wheelset.bogie is None else train_worlds.BRAKES_M_S2
         elsewhere, others = (_elsewhere, 1) if wheelset.bogie is None else (_in_a_train, train_worlds.OTHERS)
         for other in (False, *[True] * others) if plan.worlds else (False,):
             ramp = float(rng.uniform(-most, most)) if other and rng.random() < train_worlds.SOME else 0.0
-            ramp = min(max(ramp, (plan.speed_range[0] - v) / plan.seconds), (plan.speed_range[1] - v) / plan.seconds)
+            ramp = min(max(ramp, (slowest - v) / plan.seconds), (fastest - v) / plan.seconds)
             first = plan.seed * SEEDS_PER_PLAN + len(out) * plan.per_speed
             group = []
             for i in range(plan.per_speed):

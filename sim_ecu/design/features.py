@@ -15,12 +15,14 @@ from sim_ecu.jobs.whole import each
 from wrcd.core.design import Design
 from wrcd.core.estimator import step_through
 from wrcd.core.records import Ticks
-from wrcd.core.terms import BLOCK_TICKS, MODELS, SWING
+from wrcd.core.terms import BLOCK_TICKS, LENGTH, MODELS, PARTNER, SWING
 
 FloatArray = NDArray[np.float64]
-EDGE = 0.3  # importance of a window outside the plan's core
+EDGE = 0.4  # importance of a window outside the plan's core
+WHOLE, TOLERANCE = 3.0, 0.99  # and of a whole one (of so much of the usual) whose torque stays: the memory fuses those
 ENDS = (0.25, 0.5, 0.75, 1.0)  # windows end at these shares of the recording after it has settled
-DISTURBED_ENDS = (0.5, 1.0)
+NO_PARTNER = 0.15  # of the windows: without what the partner says, as where it has no sensors
+ELSEWHERE = 0.2  # of a bogie's recordings: the partner is on another track, as of bogies with one axle's sensors each
 MOVED, SLOW_M_S = 0.1, 10.0  # see Features.covers: decades of the torque within half a second, as in slip cycles
 
 
@@ -33,16 +35,22 @@ class Features:
     mu_pct: FloatArray
     condition: NDArray[np.int64]
     nominal: NDArray[np.bool_]
+    window_s: float  # of the usual window
 
     def importance(self, plan: Plan) -> FloatArray:
-        """Weight (n,) of each window in the fit: less at the edges of the plan, more at speed and in the own world."""
+        """Weight (n,) of each window in the fit: less at the edges of the plan, more for whole ones whose torque
+        stays, and as the plan says in the own world."""
         low, high = plan.core_speeds
         speed_m_s = 10.0 ** self.inputs[:, 5]
         utilisation = 100.0 * 10.0 ** self.inputs[:, 4] / self.mu_pct
         core = (speed_m_s >= low) & (speed_m_s <= high) & (utilisation >= plan.core_utilisation)
-        # the speeds are drawn evenly in the logarithm; trains run evenly in the speed
-        weight = np.where(core, 1.0, EDGE) * (np.clip(speed_m_s, low, high) / high) ** 0.5
-        return np.where(self.nominal, plan.own_weight, 1.0) * weight
+        weight = np.where(core, 1.0, EDGE)
+        still = (self.inputs[:, LENGTH] >= math.log10(TOLERANCE * self.window_s)) & ~self._moved
+        return np.where(self.nominal, plan.own_weight, 1.0) * np.where(still, WHOLE, 1.0) * weight
+
+    @property
+    def _moved(self) -> NDArray[np.bool_]:
+        return np.asarray(self.inputs[:, SWING].sum(axis=1) > MOVED)
 
     def covers(self, plan: Plan) -> FloatArray:
         """(n,) Which quantile of the error the half-width of each window's interval is to be.
@@ -51,9 +59,8 @@ class Features:
         the own world more lie inside than the plan says. More are to where the torque has moved and below SLOW_M_S:
         few windows there make up for others.
         """
-        moved = self.inputs[:, SWING].sum(axis=1) > MOVED
         slow = self.inputs[:, 5] < math.log10(SLOW_M_S)
-        return np.where(moved | slow, plan.covers_moved, plan.covers_still)
+        return np.where(self._moved | slow, plan.covers_moved, plan.covers_still)
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,8 +97,8 @@ def features(
     design: Design, recordings: Sequence[Recording], plan: Plan, progress: Progress = quietly, seed: int = 0,
     workers: Workers | None = None,
 ) -> tuple[Features, Steps]:  # fmt: skip
-    """Windows of random length out of every recording, undisturbed and disturbed. Of the design only the bank is used.
-    In the paper's form they are all of the one length that it has, and undisturbed.
+    """Windows out of every recording, undisturbed and disturbed: whole ones, and as many of random length. Of the
+    design only the bank is used. In the paper's form they are all of the one length that it has, and undisturbed.
 
     The steps are those of undisturbed windows in the design's own world, on a rail that does not change.
     workers: whose processes do it; None: the caller's does. Raises Stopped where one of them cannot.
@@ -115,7 +122,14 @@ def _joined(parts: Sequence[tuple[Features, Steps]]) -> tuple[Features, Steps]:
                            strict=True)
     )  # fmt: skip
     known = np.isfinite(inputs).all(axis=1)
-    return Features(inputs[known], mu[known], condition[known], own[known]), Steps(decades, speeds)
+    window_s = parts[0][0].window_s
+    return Features(inputs[known], mu[known], condition[known], own[known], window_s), Steps(decades, speeds)
+
+
+def _in_order(r: Recording, order: NDArray[np.int64]) -> Recording:
+    """The same conditions in another order."""
+    lanes = ("z", "felt", "torque", "mu_pct", "first", "steady")
+    return replace(r, **{name: getattr(r, name)[..., order] for name in lanes})
 
 
 def _windows(job: tuple[Design, Plan, Recording, list[int], int]) -> tuple[Features, Steps]:
@@ -124,23 +138,31 @@ def _windows(job: tuple[Design, Plan, Recording, list[int], int]) -> tuple[Featu
     n = r.z.shape[2]
     inputs, truth, nominal, decades, speeds = [], [], [], [np.zeros((0, MODELS))], [np.zeros(0)]
     each = 1 if design.wheelset.get("bogie") is None else 2
-    lengths_s, copies = (lengths_of(design), 2) if design.form == "wrcd" else ((design.window_s,), 1)
-    for z, ends in ((r.z, ENDS), (r.felt, DISTURBED_ENDS))[:copies]:
+    number = first + np.arange(n)
+    if each == 2 and rng.random() < ELSEWHERE:
+        order = np.arange(n)
+        order[1::2] = np.roll(order[1::2], 1)
+        r, number = _in_order(r, order), number[order]
+    lengths_s, copies = (lengths_of(design), 2) if design.form == "wrcd" else ((), 1)
+    for z in (r.z, r.felt)[:copies]:
         settled = round(plan.settle_s / plan.seconds * len(z))
-        at = [settled + round(share * (len(z) - settled)) - 1 for share in ends]
+        at = [settled + round(share * (len(z) - settled)) - 1 for share in ENDS]
         for k, estimator in run(design, z, r, at):
-            lengths = rng.choice(lengths_s, n) / design.tick_s / BLOCK_TICKS
-            blocks = np.minimum(np.round(lengths).astype(np.int64), (k + 1 - r.first) // BLOCK_TICKS)
-            inputs.append(estimator.inputs_of(blocks, estimator.torque_now()))
-            truth.append(r.mu_pct[k].astype(np.float64))
             own = r.own_world and z is r.z
-            nominal.append(np.full(n, own))
+            for seconds in (np.full(n, design.window_s), *([rng.choice(lengths_s, n)] if lengths_s else [])):
+                blocks = np.round(seconds / design.tick_s / BLOCK_TICKS).astype(np.int64)
+                blocks = np.minimum(blocks, (k + 1 - r.first) // BLOCK_TICKS)
+                window = estimator.inputs_of(blocks, estimator.torque_now())
+                window[rng.random(n) < NO_PARTNER, PARTNER] = 0.0
+                inputs.append(window)
+                truth.append(r.mu_pct[k].astype(np.float64))
+                nominal.append(np.full(n, own))
             if own:
                 still = r.steady & (k + 1 - r.first >= design.window_ticks)
                 decades.append(estimator.steps()[still])
                 speeds.append(np.full(int(still.sum()), r.speed_m_s[k]))
     data = Features(
-        np.concatenate(inputs), np.concatenate(truth), np.tile((first + np.arange(n)) // each, len(inputs)),
-        np.concatenate(nominal),
+        np.concatenate(inputs), np.concatenate(truth), np.tile(number // each, len(inputs)),
+        np.concatenate(nominal), design.window_s,
     )  # fmt: skip
     return data, Steps(np.concatenate(decades), np.concatenate(speeds))

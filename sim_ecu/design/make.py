@@ -28,6 +28,7 @@ from wrcd.checksum import checksum
 from wrcd.core.design import FORMAT, Design, parse_design
 from wrcd.core.terms import COLUMNS, INPUTS, MODELS, NOISE
 from wrcd.errors import InputError
+from wrcd.logs.rule_sentences import COLUMN_WORDS
 
 FloatArray = NDArray[np.float64]
 RESIDUAL_NAMES = ("Low", "Moderate", "High")
@@ -37,14 +38,6 @@ RESIDUALS = {
     "wrcd": ("residual 1 over 4", "residual 2 over 4", "residual 3 over 4", "residual 4"),
     "paper": ("residual 1", "residual 2", "residual 3", "residual 4"),
 }
-OTHER_COLUMNS = (
-    *("torque", "speed"),
-    *(f"lag of {c} {m}" for m in range(1, MODELS + 1) for c in ("yaw rate", "lateral acceleration")),
-    *(f"yaw rate with lateral acceleration {m}" for m in range(1, MODELS + 1)),
-    *("length", "noise of the yaw rate", "noise of the lateral acceleration"),
-    *("torque above that of the moment", "torque below that of the moment"),
-    *("step of residuals 1 and 2", "step of residual 3", "step of residual 4", "largest step"),
-)
 # Sensors quieter than the design's own count as they do: the line through noisier ones does not go on below. With
 # tactical sensors, a sixth and half as noisy, it made the grid's error 0.838 points, and 7.8 % of the intervals missed
 # the truth; held there they are 0.754 and 4.3 % (40 runs). At 0.67 of the noise the error is the same. Held
@@ -242,7 +235,7 @@ def fuzzy_part(brief: Brief, rules: RuleBase, data: Features) -> dict[str, Any]:
                 for k, n, c in zip(keys, names, rules.centres, strict=True)
             },
             "columns": {
-                "names": [*RESIDUALS[brief.form], *OTHER_COLUMNS],
+                "names": [*RESIDUALS[brief.form], *(c.name for c in COLUMN_WORDS[MODELS:])],
                 "low": _short(rules.low, 6).tolist(),
                 "high": _short(rules.high, 6).tolist(),
                 "middle": _short(rules.middle, 6).tolist(),

@@ -6,16 +6,17 @@ by its slopes as the inputs move away from the middle of its sets. The output is
 
 import math
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from threading import Lock
 
 import numpy as np
 import skfuzzy
 from numpy.typing import NDArray
-from scipy.linalg import solve
-from scipy.linalg.blas import ssyrk
+from scipy.optimize import minimize
+from scipy.special import expit
 
 from sim_ecu.design.cases import Progress, quietly
-from sim_ecu.physics.compiled import compiled
 from wrcd.core.terms import LOG_SPREADS
 
 FloatArray = NDArray[np.float64]
@@ -23,22 +24,20 @@ IntArray = NDArray[np.int64]
 
 # Fuzzy output 0 stands for 60 % adhesion, 100 for 2 %: n = 100 ln(60 / mu) / ln 30.
 TOP_PCT, BOTTOM_PCT = 60.0, 2.0
-BASE_STEP, SLOPE_STEP = 1.0, 0.5  # bases and slopes are rounded: a person reads them
 # The paper's (16): strictly decreasing from 42 % at 0, below zero from 96.4 on. Kept as a preset, clamped.
 PAPER_POLYNOMIAL = (-2.213e-6, 0.00042, -0.0205, -0.38, 42.0)
 ORDER = 6  # of the polynomial
-RIDGE = 0.3
 HELD = 4.0  # standard deviations within which a column beyond those that choose the rules is held
-ROUNDS = 3  # of reweighting, which turns squares into absolute errors in percentage points
-MIN_ERROR_PP = 0.5  # below this an error weighs as a square
-RELATIVE = 0.05  # share of the relative error in the weights, so that slippery rails count
-SPREAD_ROUNDS = 6
-SPREAD_RIDGE = 3.0
+# The outputs are those of the least mean loss: squares up to SQUARES of the targets' standard deviations, then absolute
+# errors; of the spreads the quantile's own loss, rounded within ROUNDED decades. With a ridge that holds what the data
+# does not, the loss has one minimum; after STEPS steps, or where the loss hardly falls, worlds that were not trained in
+# gain nothing more.
+RIDGE, SQUARES, ROUNDED, STEPS, TOLD_EVERY = 1e-6, 0.35, 0.03, 120, 10
 CHOOSE_EVERY = 5  # rules are chosen on every fifth window
 COVERS = 0.9  # what an interval is to hold
 WEIGHTS_AT_ONCE = 256  # windows whose weights stay in the processor's cache while they are multiplied
+AT_ONCE = 50_000  # windows of a part of a sum
 FOLDS = 2
-ROUNDS_OF_FOLDS = 2
 
 
 def output_of(mu_pct: FloatArray) -> FloatArray:
@@ -152,7 +151,7 @@ def fit(
     lowest: FloatArray | float = -math.inf,
     progress: Progress = quietly,
 ) -> RuleBase:
-    """Sets evenly spaced between the 1 % and 99 % quantiles, the rules that speak for most, outputs by least squares.
+    """Sets evenly spaced between the 1 % and 99 % quantiles, the rules that speak for most, outputs of the least loss.
 
     The first len(sets) columns of the inputs have sets; all of them move the outputs. importance (n,) of the windows.
     group (n,): windows of one condition belong together when errors are judged on windows that the fit has not seen,
@@ -168,116 +167,95 @@ def fit(
     low, high = np.maximum(mean - reach, lowest), mean + reach
     low[:k], high[:k] = ends
     middle = np.clip(mean, low, high)
-    solutions = FOLDS * ROUNDS_OF_FOLDS + ROUNDS + SPREAD_ROUNDS
-    local = _Local(centres, rules, inputs, low, high, middle, lambda done: progress("rule base", done / solutions))
+    local = _Local(centres, rules, inputs, low, high, middle, lambda share: progress("rule base", share))
     none = np.ones(len(rules)), np.zeros((len(rules), inputs.shape[1])), np.zeros(len(rules))
     rest = np.zeros((len(rules), 2)), low, high, middle
-    error = np.empty(len(mu_pct))
-    for fold in range(FOLDS):
+
+    def unseen(fold: int) -> tuple[NDArray[np.bool_], FloatArray]:
         left_out = group % FOLDS == fold
-        part = _outputs(local, np.flatnonzero(~left_out), mu_pct, importance, ROUNDS_OF_FOLDS)
+        part = _outputs(local, np.flatnonzero(~left_out), mu_pct, importance)
         guess = RuleBase(centres, rules, *part, *none, *rest).mu_pct(inputs[left_out])
-        error[left_out] = np.abs(guess - mu_pct[left_out]) / guess
-    bases, slopes = _outputs(local, np.arange(len(mu_pct)), mu_pct, importance, ROUNDS)
-    spreads, spread_slopes = _spreads(local, error, covers)
+        return left_out, np.abs(guess - mu_pct[left_out]) / guess
+
+    error = np.empty(len(mu_pct))
+    with ThreadPoolExecutor(FOLDS) as threads:  # numpy lets go of the interpreter
+        for left_out, errors in threads.map(unseen, range(FOLDS)):
+            error[left_out] = errors
+        made = threads.submit(_outputs, local, np.arange(len(mu_pct)), mu_pct, importance)
+        spreads, spread_slopes = _spreads(local, error, covers)
+        bases, slopes = made.result()
+    progress("rule base", 1.0)
     share = local.share
     typical = np.array([quantiles(mu_pct, share[:, r], (0.05, 0.95)) for r in range(len(rules))])
     support = share.sum(axis=0)
     return RuleBase(centres, rules, bases, slopes, spreads, spread_slopes, support, typical, low, high, middle)
 
 
-@compiled
-def _fill_columns(
-    share: NDArray[np.float32], z: NDArray[np.float32], rows: IntArray, root: NDArray[np.float32],
-    out: NDArray[np.float32],
-) -> None:  # fmt: skip
-    width = z.shape[1]
-    for i in range(len(rows)):
-        for r in range(share.shape[1]):
-            for c in range(width):
-                out[i, r * width + c] = share[rows[i], r] * z[rows[i], c] * root[i]
+Loss = Callable[[NDArray[np.float32], slice], tuple[NDArray[np.float32], NDArray[np.float32]]]
 
 
 class _Local:
-    """Local linear models, one for each rule, as one linear regression over (rules x (1 + columns)) columns."""
+    """Local linear models, one for each rule: outputs of (rules x (1 + columns)) numbers, standardised."""
 
     def __init__(
         self, centres: list[FloatArray], rules: IntArray, inputs: FloatArray, low: FloatArray, high: FloatArray,
-        middle: FloatArray, solved: Callable[[int], None],
+        middle: FloatArray, solved: Callable[[float], None],
     ) -> None:  # fmt: skip
-        """solved: is told how many solutions have been found."""
-        self._solutions, self._solved = 0, solved
+        """solved: is told which share of the steps of all solutions is done; they are solved in threads."""
+        self._steps, self._solved, self._counts = 0, solved, Lock()
         w = weights(centres, rules, inputs)
         self.share = (w / np.maximum(w.sum(axis=1), 1e-9)[:, None]).astype(np.float32)
         held = np.clip(inputs, low, high)
         self._mean, self._size = held.mean(axis=0), np.maximum(held.std(axis=0), 1e-9)
         self._z = np.column_stack((np.ones(len(held)), (held - self._mean) / self._size)).astype(np.float32)
-        self._width = self._z.shape[1]
         self._middles = _middles(centres, rules, middle)
-        self._room = np.empty((0, 0), np.float32)  # for columns: new pages for each piece would cost as much as filling
-        # a rule's level is held by little, its slopes by all of the ridge
-        self._ridge = np.diag(np.tile([0.1, *[1.0] * (self._width - 1)], len(rules)))
 
-    def columns(self, rows: IntArray, root: NDArray[np.float32]) -> NDArray[np.float32]:
-        """The regression's columns of some rows, each times its root (rows,); they hold until the next call."""
-        if len(self._room) < len(rows):
-            self._room = np.empty((len(rows), self.share.shape[1] * self._width), np.float32)
-        out = self._room[: len(rows)]
-        _fill_columns(self.share, self._z, rows, root, out)
-        return out
+    def solve(self, rows: IntArray, loss: Loss, weight: FloatArray) -> FloatArray:
+        """The numbers (rules, 1 + columns) of the least loss over some rows. loss: of some outputs, at their places
+        among the rows, and its derivative. weight (rows,): of each row's."""
+        share, z, shape = self.share[rows], self._z[rows], (self.share.shape[1], self._z.shape[1])
+        each = (weight / weight.sum()).astype(np.float32)
 
-    def apply(self, found: FloatArray, rows: IntArray) -> FloatArray:
-        """Return a solution's output for some rows."""
-        found = found.astype(np.float32)
-        parts = [self.columns(part, np.ones(len(part), np.float32)) @ found for part in _pieces(rows)]
-        return np.concatenate(parts).astype(np.float64)
+        def total(numbers: FloatArray) -> tuple[float, FloatArray]:
+            found, value, slope = numbers.reshape(shape).astype(np.float32), 0.0, np.zeros(shape)
+            for part in (slice(k, k + AT_ONCE) for k in range(0, len(rows), AT_ONCE)):
+                lost, by_output = loss(np.einsum("nr,nr->n", share[part], z[part] @ found.T), part)
+                value += float(each[part] @ lost)
+                slope += (share[part] * (each[part] * by_output)[:, None]).T @ z[part]
+            return value + 0.5 * RIDGE * float(numbers @ numbers), slope.ravel() + RIDGE * numbers
 
-    def solve(self, rows: IntArray, target: FloatArray, weight: FloatArray, ridge: float) -> FloatArray:
-        """Weighted least squares over some rows; target and weight are of those rows."""
-        size = self._width * self.share.shape[1]
-        square = np.asarray(ridge * self._ridge, dtype=np.float64)
-        side: FloatArray = np.zeros(size)
-        done = 0
-        for part in _pieces(rows):
-            root = np.sqrt(weight[done : done + len(part)]).astype(np.float32)
-            X = self.columns(part, root)
-            # the upper half of X' X; BLAS takes the transpose of a row-major array as it lies
-            square += ssyrk(1.0, X.T)
-            side += X.T @ (root * target[done : done + len(part)].astype(np.float32))
-            done += len(part)
-        found = np.asarray(solve(square, side, lower=False, assume_a="pos"), dtype=np.float64)
-        self._solutions += 1
-        self._solved(self._solutions)
-        return found
+        limits = {"maxiter": STEPS, "maxcor": 20}
+        made = minimize(total, np.zeros(share.shape[1] * shape[1]), jac=True, method="L-BFGS-B", options=limits,
+                        callback=self._step)  # fmt: skip
+        return np.asarray(made.x.reshape(shape))
 
-    def read(self, found: FloatArray, middle: float) -> tuple[FloatArray, FloatArray]:
+    def _step(self, _: FloatArray) -> None:
+        with self._counts:
+            self._steps += 1
+            if self._steps % TOLD_EVERY == 0:
+                self._solved(self._steps / STEPS / (FOLDS + 2))
+
+    def read(self, found: FloatArray, middle: float, unit: float) -> tuple[FloatArray, FloatArray]:
         """Values in the middle of each rule's sets (r,), and slopes per unit of the columns (r, c)."""
-        table = found.reshape(-1, self._width)
-        slopes = table[:, 1:] / self._size
-        return middle + table[:, 0] + np.sum(slopes * (self._middles - self._mean), axis=1), slopes
-
-
-def _pieces(rows: IntArray) -> list[IntArray]:
-    """Rows in parts that fit into memory."""
-    return np.array_split(rows, len(rows) // 20_000 + 1)
+        slopes = unit * found[:, 1:] / self._size
+        return middle + unit * found[:, 0] + np.sum(slopes * (self._middles - self._mean), axis=1), slopes
 
 
 def _outputs(
-    local: _Local, rows: IntArray, mu_pct: FloatArray, importance: FloatArray, rounds: int
+    local: _Local, rows: IntArray, mu_pct: FloatArray, importance: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Bases and slopes, rounded. Reweighted least squares in the output; a ridge holds what the data does not."""
-    mu = mu_pct[rows]
-    target = output_of(mu)
-    middle = float(target.mean())
-    per_pp = importance[rows] * (1.0 + RELATIVE * 15.0 / mu)
-    weight = importance[rows] / importance[rows].mean()
-    for _ in range(rounds):
-        found = local.solve(rows, target - middle, weight, RIDGE)
-        error = np.abs(adhesion_of(np.clip(local.apply(found, rows) + middle, 0.0, 100.0)) - mu)
-        weight = per_pp * mu / np.maximum(error, MIN_ERROR_PP)
-        weight /= weight.mean()
-    bases, slopes = local.read(found, middle)
-    return np.round(bases / BASE_STEP) * BASE_STEP, np.round(slopes / SLOPE_STEP) * SLOPE_STEP
+    """Bases (r,) and slopes (r, c), rounded: a person reads them."""
+    target = output_of(mu_pct[rows])
+    middle, unit = float(target.mean()), float(target.std())
+    standard = ((target - middle) / unit).astype(np.float32)
+
+    def loss(output: NDArray[np.float32], part: slice) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        error = output - standard[part]
+        held = np.clip(error, -SQUARES, SQUARES)
+        return held * (error - 0.5 * held), held
+
+    bases, slopes = local.read(local.solve(rows, loss, importance[rows]), middle, unit)
+    return np.round(bases), np.round(slopes, 1)
 
 
 def polynomial() -> FloatArray:
@@ -310,14 +288,15 @@ def quantiles(x: FloatArray, weight: FloatArray, at: tuple[float, ...]) -> list[
 
 
 def _spreads(local: _Local, error: FloatArray, covers: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Spreads and their slopes: quantiles (n,) of the logarithm of the relative error, by reweighted squares."""
+    """Spreads and their slopes: quantiles (n,) of the logarithm of the relative error."""
     target = np.log10(np.maximum(error, 1e-4))
     middle = float(np.quantile(target, covers.mean()))
-    rows = np.arange(len(error))
-    rest = target - middle  # one quantile for all is where it begins: from their mean it takes twice as many rounds
-    for _ in range(SPREAD_ROUNDS):
-        weight = np.where(rest > 0, covers, 1.0 - covers) / np.maximum(np.abs(rest), 0.02)
-        found = local.solve(rows, target - middle, weight / weight.mean(), SPREAD_RIDGE)
-        rest = target - middle - local.apply(found, rows)
-    logs, slopes = local.read(found, middle)
+    rest, asked = (target - middle).astype(np.float32), covers.astype(np.float32)
+
+    def loss(output: NDArray[np.float32], part: slice) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        above = (rest[part] - output) / ROUNDED
+        return ROUNDED * (asked[part] * above + np.logaddexp(np.float32(0.0), -above)), expit(-above) - asked[part]
+
+    found = local.solve(np.arange(len(error)), loss, np.ones(len(error)))
+    logs, slopes = local.read(found, middle, 1.0)
     return _spread_of(logs), np.round(slopes, 3)

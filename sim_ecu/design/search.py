@@ -111,10 +111,10 @@ def minimise(
 IntArray = NDArray[np.int64]
 GRID = 24  # speeds of a candidate's bank
 # Conditions that a candidate is judged by, at most; half of them in worlds that differ. With fewer, the rules of any
-# bank learn them by heart, and the bank hardly matters: at each speed there are three times as many as in the plan.
+# bank learn them by heart, and the bank hardly matters: at each speed there are twice as many as in the plan.
 # From one in VALIDATED of them no rules are made.
 SPEEDS, PER_SPEED, VALIDATED = 3, 300, 3
-MAX_RULES = 40  # of a candidate: a sixth of the time of a hundred
+MAX_RULES = 40  # of a candidate: less than half the time of a hundred
 # Plans have seeds up to 1000; a score's seeds begin at two thousand million: what lies between belongs to the search.
 FIRST_SEARCH_SEED, SEARCH_SEEDS, HELD_SEED = 1001, 900, 1_950_000_000
 HELD_SPEEDS = (15.0, 25.0, 40.0)
@@ -147,7 +147,9 @@ class FitAccuracy:
 def some(data: Features, rows: NDArray[np.bool_]) -> Features:
     """Some of the windows (n,), their conditions numbered from 0 on: a fit halves them by their numbers."""
     numbers = np.unique(data.condition[rows], return_inverse=True)[1]
-    return Features(data.inputs[rows], data.mu_pct[rows], numbers, data.nominal[rows])
+    return replace(
+        data, inputs=data.inputs[rows], mu_pct=data.mu_pct[rows], condition=numbers, nominal=data.nominal[rows]
+    )
 
 
 @dataclass(frozen=True, slots=True)

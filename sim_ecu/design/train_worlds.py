@@ -37,7 +37,7 @@ COASTING = 0.08  # of full service, either way: what a train coasts with at most
 OTHERS = 2  # conditions in other worlds for each in the design's own
 # Shares of the conditions in other worlds: with slopes untied, with sensors that sample inside a shaken axle box, on
 # tracks smoother than the plan's, and with each of curves, film edges and a change of speed.
-UNTIED, SAMPLED, SMOOTH, SOME = 0.6, 0.4, 0.2, 0.4
+UNTIED, SAMPLED, SMOOTH, SOME = 0.7, 0.4, 0.2, 0.4
 SMOOTHEST = 0.1  # of the plan's smoothest track's density
 CONSTANTS_WIDTH = 100  # characters of a line of them
 BEGINS, TRANSITION_S = 0.5, (1.0, 3.0)  # of the curves, those that begin while the train runs; over so long

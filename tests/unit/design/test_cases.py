@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from sim_ecu.design.cases import TORQUE, Condition, Group, Plan, draw, following, in_a_hurry, simulate_group
-from sim_ecu.design.features import features
+from sim_ecu.design.features import Features, features
 from sim_ecu.design.recordings import record
 from sim_ecu.physics.contact import CURVES, CreepCurve
 from sim_ecu.physics.track import SPECTRA
 from sim_ecu.play.vehicles import load_vehicle
 from wrcd.core.design import load_design
+from wrcd.core.terms import COLUMNS, LENGTH, PARTNER
 from wrcd.resources import DESIGN
 
 W = load_vehicle("multiple-unit")
@@ -71,3 +72,31 @@ def test_windows_of_both_wheelsets_of_a_bogie_belong_to_one_condition() -> None:
     plan = replace(PLAN, speeds=1, per_speed=4, worlds=False)
     data, _ = features(load_design(DESIGN), record(W, plan, TICK_S, lambda *_: None), plan)
     assert set(data.condition.tolist()) == {0, 1}
+
+
+def test_windows_beside_a_partner_on_another_track_keep_their_truth_and_condition(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    plan = replace(PLAN, speeds=1, per_speed=6, worlds=False)
+    recordings = record(W, plan, TICK_S, lambda *_: None)
+    found = []
+    for share in (0.0, 1.0):
+        monkeypatch.setattr("sim_ecu.design.features.ELSEWHERE", share)
+        data, _ = features(load_design(DESIGN), recordings, plan)
+        one_length = np.isclose(data.inputs[:, LENGTH], np.log10(data.window_s), atol=0.005)
+        near = np.abs(data.inputs[one_length][:, PARTNER]).mean(axis=1)
+        found.append((set(zip(data.condition.tolist(), data.mu_pct.tolist(), strict=True)), near))
+    (beside, together), (elsewhere, apart) = found
+    assert beside == elsewhere
+    assert apart.mean() < together.mean()
+
+
+def test_window_counts_more_in_the_own_world_and_where_it_is_whole_and_steady() -> None:
+    inputs = np.zeros((4, COLUMNS))
+    inputs[:, 4], inputs[:, 5] = np.log10(0.05), np.log10(20.0)
+    inputs[1, LENGTH] = inputs[3, LENGTH] = np.log10(0.5)
+    inputs[3, 4] = np.log10(0.005)  # half a per cent of the available ten: hardly in use
+    data = Features(inputs, np.full(4, 10.0), np.arange(4), np.array([False, False, True, False]), 1.0)
+    whole, short, own, edge = data.importance(replace(PLAN, own_weight=2.0))
+    assert whole > short > edge > 0.0
+    assert own == 2.0 * whole

@@ -12,6 +12,8 @@ from sim_ecu.design.pairs import (
     INTERVAL_SPEEDS,
     LEAST,
     PARTNERS,
+    WIDER,
+    WIDER_COASTING,
     FloatArray,
     Lane,
     Watched,
@@ -88,13 +90,13 @@ def watched(x: FloatArray, state: FloatArray, seed: int = 0) -> Watched:
     )  # fmt: skip
 
 
-def test_factor_makes_the_interval_hold_as_much_as_it_shall_and_unseen_regimes_keep_the_rules_own() -> None:
+def test_factor_makes_the_interval_hold_as_much_as_it_shall_and_unseen_regimes_are_wider_than_the_rules_own() -> None:
     part = watched(np.zeros((2, 4, PAIR_FEATURES)), np.zeros((2, 4)))
     found = intervals([part])["factors"]
-    np.testing.assert_allclose(found[Regime.STEADY], -np.log(1.0 - COVERS), rtol=0.06)
-    np.testing.assert_array_equal(found[Regime.COASTING], np.ones(len(INTERVAL_SPEEDS)))
+    np.testing.assert_allclose(found[Regime.STEADY], -WIDER * np.log(1.0 - COVERS), rtol=0.06)
+    np.testing.assert_array_equal(found[Regime.COASTING], np.full(len(INTERVAL_SPEEDS), WIDER_COASTING))
     narrow = intervals([replace(part, off=0.01 * part.off)])["factors"]
-    np.testing.assert_array_equal(narrow[Regime.STEADY], np.full(len(INTERVAL_SPEEDS), LEAST))
+    np.testing.assert_array_equal(narrow[Regime.STEADY], np.full(len(INTERVAL_SPEEDS), WIDER * LEAST))
 
 
 def pairs(spans: int, lanes: int, seed: int) -> Watched:

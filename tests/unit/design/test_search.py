@@ -107,7 +107,7 @@ def test_accuracy_is_of_conditions_of_the_search_and_infinite_without_a_stable_f
 def test_parts_of_the_windows_are_numbered_by_conditions_of_their_own() -> None:
     """A fit halves its conditions by their numbers: none of its halves may be empty."""
     condition = np.repeat(np.arange(6), 2)
-    every = Features(np.zeros((12, COLUMNS)), np.arange(12.0), condition, np.ones(12, dtype=bool))
+    every = Features(np.zeros((12, COLUMNS)), np.arange(12.0), condition, np.ones(12, dtype=bool), 1.0)
     rest = search.some(every, condition % search.VALIDATED != 0)
     assert rest.mu_pct.tolist() == [2, 3, 4, 5, 8, 9, 10, 11]
     assert rest.condition.tolist() == [0, 0, 1, 1, 2, 2, 3, 3]
