@@ -341,8 +341,9 @@ def test_rig_and_daemon_with_a_third_partys_dbc_give_the_estimate_of_the_default
     for place, least in ((0, 150), (1, 40)):  # every 20 ms, every 50 ms: in every tenth of a second both
         apart = [theirs[place][t] - ours[place][t] for t in theirs[place].keys() & ours[place].keys()]
         assert len(apart) > least
-        # rounded down to 0.5 %; its sensors resolve less than the default's
-        assert min(apart) >= -0.8
+        # rounded down to 0.5 %; its sensors resolve less than the default's, and a cut may come a moment later
+        assert -0.7 <= sorted(apart)[len(apart) // 2] <= 0.0
+        assert min(apart) >= -2.5
         assert max(apart) <= 0.3
 
 
