@@ -133,8 +133,8 @@ def draw(plan: Plan, wheelset: Wheelset) -> list[Group]:
     that costs what one of them does."""
     rng = np.random.default_rng([plan.seed, 0])
     out: list[Group] = []
+    slowest, fastest = plan.speed_range
     for k in range(plan.speeds):
-        slowest, fastest = plan.speed_range
         v = (slowest**0.5 + k / max(plan.speeds - 1, 1) * (fastest**0.5 - slowest**0.5)) ** 2
         most = RAMP_M_S2 if wheelset.bogie is None else train_worlds.BRAKES_M_S2
         elsewhere, others = (_elsewhere, 1) if wheelset.bogie is None else (_in_a_train, train_worlds.OTHERS)

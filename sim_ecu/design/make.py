@@ -105,7 +105,6 @@ def fitted(
     document = document | fuzzy_part(brief, rules, data) | {"changes": changes(brief, steps)}
     document["fit"] = fit_report(rules, data)
     document["checksum"] = checksum(document)
-    progress("rule base", 1.0)
     return document
 
 

@@ -5,6 +5,7 @@ import math
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.support.config_texts import AXLE, VEHICLE
@@ -154,6 +155,8 @@ DAMAGE = {
     "form": lambda d: d.update(form="another"),
     "recent_s": lambda d: d.update(recent_s=0.6),
     "longest_s": lambda d: d.update(longest_s=0.5),
+    "longest_s: must be 48 ticks": lambda d: d.update(longest_s=0.6, window_s=0.5, bank={**d["bank"], "tick_s": 0.02}),
+    "fuzzy.columns.low: must be finite numbers of shape (27,)": lambda d: d.update(format="wrcd-design/4"),
     "fuzzy.residual_4": lambda d: d["fuzzy"]["residual_4"]["centres"].reverse(),
     "fuzzy.torque": lambda d: d["fuzzy"]["torque"]["names"].pop(),
     "polynomial": lambda d: d.update(polynomial=["x"]),
@@ -188,6 +191,24 @@ def test_wrong_design_with_a_right_checksum_is_rejected(tmp_path: Path, key: str
         load_design(path)
     assert str(path) in str(error.value)
     assert key.removesuffix("[0]") in str(error.value)
+
+
+def test_design_of_the_format_before_says_what_it_said_and_moves_with_no_column_beyond(tmp_path: Path) -> None:
+    document, now = json.loads(resources.DESIGN.read_text()), load_design(resources.DESIGN)
+    for part in (document["fuzzy"], document["fuzzy"]["columns"]):
+        for key, value in part.items():
+            if key in ("slopes", "spread_slopes"):
+                part[key] = [row[:27] for row in value]
+            elif key in ("low", "high", "middle"):
+                part[key] = value[:27]
+    document["format"] = "wrcd-design/4"
+    document["checksum"] = checksum(document)
+    (tmp_path / "design.json").write_text(json.dumps(document))
+    before = load_design(tmp_path / "design.json")
+    for name in ("low", "high", "middle", "slopes", "spread_slopes"):
+        np.testing.assert_array_equal(getattr(before, name)[..., :27], getattr(now, name)[..., :27])
+        assert not getattr(before, name)[..., 27:].any()
+        assert getattr(now, name)[..., 27:].any()
 
 
 @pytest.mark.parametrize("content", ["", "[]", "3", "{", '{"format": "wrcd-design/2"}', "\x00"])

@@ -128,6 +128,7 @@ def test_parts_of_the_windows_are_numbered_by_conditions_of_their_own() -> None:
         ('[design]\nform = "papers"', "paper"),
         ('[design]\nform = "paper"\npolynomial = "fitted"', "not one of paper"),
         ('[design]\nform = "paper"\nlongest_s = 2.0', "do not grow"),
+        ("[design]\ntick_s = 0.02\nwindow_s = 0.5\nlongest_s = 0.6", "longest_s: must be 0.96 or more"),
     ],
 )
 def test_rig_file_with_a_wrong_value_is_an_error(toml: str, says: str) -> None:

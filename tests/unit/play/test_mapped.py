@@ -334,16 +334,16 @@ def test_rig_and_daemon_with_an_own_dbc_give_the_estimate_of_the_default_one() -
 
 def test_rig_and_daemon_with_a_third_partys_dbc_give_the_estimate_of_the_default_one() -> None:
     """Motorola order, extended ids, CAN FD, no cycles, words and units of its own; 0.5 % in eight bits."""
-    scenario = read_scenario(parse_toml(f"axles = [1, 2]\n{held('C', 8.0)}", "test"), "test")
+    # a seed with which no window of one is cut a moment before the other's: for a second they differ by more then
+    scenario = read_scenario(parse_toml(f"seed = 2\naxles = [1, 2]\n{held('C', 8.0)}", "test"), "test")
     own = load_config(THIRD_PARTY)
     theirs = valid(own, MappedTrain(own, scenario.wheelset), scenario)
     ours = valid(load_packaged(2), PACKAGED, scenario)
     for place, least in ((0, 150), (1, 40)):  # every 20 ms, every 50 ms: in every tenth of a second both
         apart = [theirs[place][t] - ours[place][t] for t in theirs[place].keys() & ours[place].keys()]
         assert len(apart) > least
-        # rounded down to 0.5 %; its sensors resolve less than the default's, and a cut may come a moment later
-        assert -0.7 <= sorted(apart)[len(apart) // 2] <= 0.0
-        assert min(apart) >= -2.5
+        # rounded down to 0.5 %; its sensors resolve less than the default's
+        assert min(apart) >= -0.8
         assert max(apart) <= 0.3
 
 
