@@ -171,8 +171,8 @@ class Oracle:
             step_s = STEP_TICKS * self.design.tick_s
             whole = draft.blocks[0] * BLOCK_TICKS >= self.design.window_ticks
             memory = remember(
-                Remembered(*self._memory), usual.word, whole, recent.word, recent.live_share, 100.0 * draft.lasting,
-                step_s, self.speed_m_s,
+                Remembered(*self._memory), usual.word, whole, recent.word, recent.live_share,
+                draft.in_use_pct(recent.mu_from_rules_pct), step_s, self.speed_m_s,
             )  # fmt: skip
             if looks:
                 sums = self._window.kept(0, SPAN_BLOCKS)[PLAIN_IN_BANDS]

@@ -17,8 +17,9 @@ LOW_FIRING = 0.2  # below, few training conditions were like the moment: the int
 MOVED = 0.1  # decades, above and below together, by which the torque has moved within half a second
 COASTS = 0.1  # of what is available: less in use tells hardly anything
 # Standard deviations above the word that what was in use at the last peak may lift it, and the most: three times the
-# word. A torque that is lost with the rail is no slip cycle, and there the word is vague.
-ALLOWED, LIFTS = 4.0, np.log(3.0)
+# word, six times where little of it is in use. A torque that is lost with the rail is no slip cycle, and there the word
+# is vague.
+ALLOWED, LIFTS, LITTLE_LIFTS, LITTLE = 4.0, np.log(3.0), np.log(6.0), 0.5
 LEAST_PCT = 0.01  # a word of less is this: there is no logarithm of nothing
 NEWEST_SHARE = 0.5  # of the newest part's half-width that the interval is made to reach down to
 # More in use than the rules say there is: beyond the interval, and by this share of what they say, one is wrong.
@@ -42,7 +43,8 @@ class Draft:
     blocks: IntArray  # (k, n) the windows' lengths: the usual one, the newest part; in the paper's form one
     sums: FloatArray  # (COLUMNS, k, n) over those windows
     now: FloatArray  # (n,) torque ratio of the moment
-    lasting: FloatArray  # (n,) of the moment or of a moment before, whichever is less: no inertia of a wheel that slips
+    lasting: FloatArray  # (n,) of the moment or of a moment before, whichever is less
+    lasted: FloatArray  # (n,) the same, and of LASTS_S: no inertia of a wheel that speeds up
     lowest: FloatArray  # (n,) of half a second
     highest: FloatArray
     recent: FloatArray  # (plain columns, n) plain sums over the newest part, and over the half second before it
@@ -51,8 +53,12 @@ class Draft:
     floor: FloatArray  # (n, 4) mean square residual that sensors so noisy leave
     speed_m_s: float
     grid_speed_m_s: float  # held within the design's grid
-    memory: FloatArray  # (5, n) what is Remembered
+    memory: FloatArray  # (7, n) what is Remembered
     partner_counts: BoolArray  # (n,) its signals, beside the axle's own
+
+    def in_use_pct(self, recent_pct: FloatArray) -> FloatArray:
+        """(n,): of what the newest part says that there is it counts at once, more of it only where it lasted."""
+        return np.asarray(np.fmax(100.0 * self.lasted, np.fmin(100.0 * self.lasting, recent_pct)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +120,8 @@ class Answers:
             blocks=blocks,
             sums=window.sums(blocks),
             now=now,
-            lasting=np.fmin(now, mean_ratio(window.kept(k.now, k.now + k.step))),
+            lasting=(lasting := np.fmin(now, mean_ratio(window.kept(k.now, k.now + k.step)))),
+            lasted=np.fmin(lasting, mean_ratio(window.kept(k.now, k.now + k.lasts))),
             lowest=lowest,
             highest=highest,
             recent=window.kept(0, k.recent),
@@ -139,7 +146,7 @@ class Answers:
             mu = np.minimum(np.fmax(from_rules, used), 100.0)
             mu[np.isnan(from_rules)] = np.nan
             doubt, goes_on = np.zeros((2, n), dtype=np.int64)
-            reaches = np.full(n, np.nan)
+            reaches, in_use = np.full(n, np.nan), used
         else:
             memory, recent = Remembered(*draft.memory), answers[1]
             inference, chosen = inference.take(slice(0, n)), chosen.take(slice(0, n))
@@ -147,8 +154,10 @@ class Answers:
             word, _ = spoken(memory, best.word, ~cut)
             from_rules, spread = np.exp(word.log_pct), SIGMAS * word.sigma
             # what has been in use lately is available: the estimate cannot lie below it
-            allowed = np.minimum(memory.peak_pct, np.exp(word.log_pct + np.minimum(ALLOWED * word.sigma, LIFTS)))
-            carried = np.fmax(100.0 * draft.lasting, allowed)
+            lifts = np.where(used < LITTLE * from_rules, LITTLE_LIFTS, LIFTS)
+            allowed = np.minimum(memory.peak_pct, np.exp(word.log_pct + np.minimum(ALLOWED * word.sigma, lifts)))
+            in_use = draft.in_use_pct(recent.mu_from_rules_pct)
+            carried = np.fmax(in_use, allowed)
             mu = np.minimum(np.maximum(from_rules, carried), 100.0)
             spread = np.maximum(spread, (mu - from_rules) / mu)
             # the newest part may know of a drop that the memory does not show yet: reach down to it
@@ -177,7 +186,7 @@ class Answers:
             half_width_pp=np.maximum(spread * mu, used - from_rules),
             used_pct=used,
             saturated=used >= d.saturated_share * mu,
-            contradicted=used > from_rules + margin,
+            contradicted=in_use > from_rules + margin,
             doubt=doubt,
             window_s=chosen.ticks * d.tick_s,
             mu_from_rules_pct=from_rules,

@@ -2,7 +2,8 @@
 
 While nothing changes, the rules' word on the newest second is fused with those before: a mean of log adhesion in which
 each word weighs by its spread, forgotten within seconds. Where the window's own word lies far from the fused one, or
-its newest part speaks of another rail, the memory begins anew. After a cut of the window less far is enough.
+above it for long, or its newest part speaks of another rail, the memory begins anew. After a cut of the window less far
+is enough.
 
 What is in use is available. That bound is carried across cuts of the window and changes of torque: it erodes with time
 and way. Where the wheelset is saturated on less, the rail has become worse, and the bound is what is in use.
@@ -90,6 +91,9 @@ WORSE, BETTER, ANOTHER_STEPS = 2.0, 2.5, 2
 NEWEST = 1.8  # times as far as their spread says do the newest part's words scatter on a steady rail: it is short
 # Where the window was cut, its word takes over at this share of BELOW and ABOVE, and where its deviation is so large.
 CUT, VAGUE = 0.5, 0.3
+# The rail has become better where the sum of what words lie beyond so many deviations above reaches so many seconds; a
+# memory begins with so much of the word then.
+BEYOND, REACHED_S, BEGINS_BETTER = 0.8, 0.6, 0.5
 BEGINS = 0.2  # of a word's weight is what a memory begins with: the rail may still be changing
 CLEAR = 0.8  # of the newest part that must hold data: lost measurements and pulses are no other rail
 AGAIN = 0.98  # of what was in use at the peak: as much again
@@ -99,7 +103,7 @@ class Remembered(NamedTuple):
     """Of every axle (n,). precision: of the fused word, as 1 / variance of log adhesion, 0 where there is none, and
     weighed, its product with log adhesion; peak_pct: what was in use at the last peak, eroded, and since when (s);
     another: steps in a row in which the window's newest part speaks of another rail. since_m: the way since the fused
-    word began.
+    word began; above_s: the sum of what words lay above it, beyond BEYOND.
     """
 
     precision: FloatArray
@@ -108,6 +112,7 @@ class Remembered(NamedTuple):
     peak_age_s: FloatArray
     another: FloatArray
     since_m: FloatArray
+    above_s: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,9 +150,13 @@ def remember(
     precision = KEPT * memory.precision + WEIGHT * new
     weighed = KEPT * memory.weighed + WEIGHT * new * word.log_pct
     _, share = spoken(memory._replace(precision=precision, weighed=weighed), word, whole)
-    begins = (memory.precision == 0.0) | (share >= 1.0)
-    precision = np.where(usable, np.where(begins, BEGINS * new, precision), 0.0)
-    weighed = np.where(usable, np.where(begins, BEGINS * new * word.log_pct, weighed), 0.0)
+    above = np.where(whole, (word.log_pct - memory.weighed / memory.precision) / word.sigma - BEYOND, -BEYOND)
+    above_s = np.where((memory.precision > 0.0) & usable, np.fmax(memory.above_s + above * step_s, 0.0), 0.0)
+    better = above_s > REACHED_S
+    begins = better | (memory.precision == 0.0) | (share >= 1.0)
+    begins_with = np.where(better, BEGINS_BETTER, BEGINS) * new
+    precision = np.where(usable, np.where(begins, begins_with, precision), 0.0)
+    weighed = np.where(usable, np.where(begins, begins_with * word.log_pct, weighed), 0.0)
     in_use = np.where(np.isfinite(in_use_pct), in_use_pct, 0.0)
     at_peak = (in_use >= AGAIN * memory.peak_pct) | (in_use >= SATURATED * np.exp(recent.log_pct))
     since_s = np.where(at_peak, 0.0, memory.peak_age_s + step_s)
@@ -161,4 +170,5 @@ def remember(
     anew = another >= ANOTHER_STEPS
     precision, weighed = (np.where(anew, 0.0, a) for a in (precision, weighed))
     since_m = np.where(anew | begins | ~usable, 0.0, memory.since_m + step_s * speed_m_s)
-    return Remembered(precision, weighed, np.where(at_peak, in_use, eroded), since_s, another, since_m)
+    above_s = np.where(anew | begins, 0.0, above_s)
+    return Remembered(precision, weighed, np.where(at_peak, in_use, eroded), since_s, another, since_m, above_s)

@@ -32,6 +32,7 @@ PLAIN = RATIO  # columns from here on are plain sums
 _RAW, _RAW2, PLAIN_IN_BANDS = (slice(a.start - PLAIN, a.stop - PLAIN) for a in (SUM_RAW, SUM_RAW2, IN_BANDS))
 NOW_S = 0.06  # the torque of so long is the torque of the moment
 STEP_S = 0.16  # and of so long before, that before a step
+LASTS_S = 0.4  # so long lasts what the rail carries; a wheel that speeds up takes more torque for less
 
 
 def quiet() -> np.errstate:
@@ -49,7 +50,7 @@ class Lengths:
         self.usual = -(-design.window_ticks // BLOCK_TICKS)
         self.longest = -(-design.longest_ticks // BLOCK_TICKS)
         self.recent = max(2, round(design.recent_ticks / BLOCK_TICKS))
-        self.now, self.step = blocks(NOW_S), blocks(STEP_S)
+        self.now, self.step, self.lasts = blocks(NOW_S), blocks(STEP_S), blocks(LASTS_S)
         self.min_ticks = 0.5 * self.recent * BLOCK_TICKS
 
 

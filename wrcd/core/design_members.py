@@ -11,6 +11,7 @@ from wrcd.core.terms import BLOCK_TICKS, SLOWEST_M_S
 
 NOW_S = 0.06  # the torque of so long is the torque of the moment
 STEP_S = 0.16  # and of so long before, that before a step
+LASTS_S = 0.4  # so long lasts what the rail carries; a wheel that speeds up takes more torque for less
 BANDS_HZ = ((0.0, 1.5), (3.0, 10.0), (10.0, 25.0))  # that a pair of sensors is compared in
 
 
@@ -73,6 +74,7 @@ def members(d: Design) -> dict[str, Member]:
         "recent": recent,
         "now": blocks(NOW_S),
         "step": blocks(STEP_S),
+        "lasts": blocks(LASTS_S),
         "min_ticks": 0.5 * recent * BLOCK_TICKS,
         "A": over(closed_loop(d.Phi, d.K, d.H)),
         "B": over(d.Phi @ d.K),

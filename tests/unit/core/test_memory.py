@@ -11,8 +11,8 @@ from wrcd.core.design import FloatArray
 BELOW, ABOVE, CUT, VAGUE = 2.5, 3.0, 0.5, 0.3
 KEPT, WEIGHT, BEGINS, SATURATED, HOLD_S = 0.94, 0.08 * 0.6, 0.2, 0.87, 0.5
 STEP_S, SPEED = 0.08, 20.0
-PRECISION, WEIGHED, PEAK_PCT, _, ANOTHER, SINCE_M = range(6)
-NOTHING = np.zeros(6)
+PRECISION, WEIGHED, PEAK_PCT, _, ANOTHER, SINCE_M, ABOVE_S = range(7)
+NOTHING = np.zeros(7)
 
 
 def word(pct: float, sigma: float = 0.1) -> Word:
@@ -101,6 +101,19 @@ def test_cut_window_that_says_something_else_or_is_vague_speaks_for_itself(pct: 
     assert said(memory, new)[1] < 1.0 or pct == 12.0
     cut = after(memory, 1, word(8.0, sigma), whole=False)
     assert cut[PRECISION] == pytest.approx(BEGINS / sigma**2)
+
+
+def test_words_that_lie_above_the_memory_for_long_begin_it_anew() -> None:
+    """Two standard deviations: below what the memory holds for another rail."""
+    memory, better = after(NOTHING, 500, word(20.0)), word(20.0 * math.exp(0.2))
+    soon, late = (after(memory, steps, better, recent=word(20.0)) for steps in (3, 11))
+    worse = after(memory, 11, word(20.0 * math.exp(-0.2)), recent=word(20.0))
+    assert 0.0 < soon[ABOVE_S] < 0.6
+    assert soon[SINCE_M] > memory[SINCE_M]
+    assert fused_pct(soon) < 21.5
+    assert fused_pct(late) == pytest.approx(20.0 * math.exp(0.2), rel=0.01)
+    assert late[SINCE_M] < 11 * STEP_S * SPEED
+    assert worse[ABOVE_S] == 0.0
 
 
 @pytest.mark.parametrize("newest", [10.0, 40.0])

@@ -1,9 +1,9 @@
 /* From the rules' word to the estimate: adhesion, how wide its interval is, and what speaks against it. */
 #include "parts.h"
 
-/* Standard deviations above the word that what was in use at the last peak may lift it, and the most: three times the word. A
- * torque that is lost with the rail is no slip cycle, and there the word is vague. */
-static const double ALLOWED = 4.0, MOST_LIFTED = 3.0;
+/* Standard deviations above the word that what was in use at the last peak may lift it, and the most: three times the word, six
+ * times where little of it is in use. A torque that is lost with the rail is no slip cycle, and there the word is vague. */
+static const double ALLOWED = 4.0, MOST_LIFTED = 3.0, LITTLE_LIFTED = 6.0, LITTLE = 0.5;
 static const double NEWEST_SHARE = 0.5; /* of the newest part's half-width that the interval is made to reach down to */
 /* More in use than the rules say there is: beyond the interval, and by this share of what they say, one is wrong. */
 static const double CONTRADICTION_SHARE = 0.2, CONTRADICTION_PP = 0.3;
@@ -46,11 +46,12 @@ static double doubted(const wrcd_design *d, double spread, const window_answer *
 static double weigh(const wrcd_estimator *e, const wrcd_design *d, int axle, const rules_moment *m, const window_answer *best,
                     const window_answer *recent, wrcd_adhesion *out)
 {
-    const double *memory = e->axle[axle].memory, lifts = log(MOST_LIFTED);
+    const double *memory = e->axle[axle].memory;
     const bool cut = best->blocks < d->usual;
     double share; /* of the window's own word: it is in the fused one */
     const rail_word own = wrcd_memory_spoken(memory[PRECISION], memory[WEIGHED], wrcd_memory_word(best), !cut, &share);
-    const double from_rules = exp(own.log_pct);
+    const double from_rules = exp(own.log_pct), used = out->used_pct, *swing = best->inputs + SWING;
+    const double lifts = log(used < LITTLE * from_rules ? LITTLE_LIFTED : MOST_LIFTED);
     const double allowed = lesser(memory[PEAK_PCT], exp(own.log_pct + lesser(ALLOWED * own.sigma, lifts)));
     const double carried = fmax(100.0 * m->lasting, allowed), mu = lesser(greater(from_rules, carried), 100.0);
     double spread = greater(SIGMAS * own.sigma, (mu - from_rules) / mu);
@@ -60,7 +61,6 @@ static double weigh(const wrcd_estimator *e, const wrcd_design *d, int axle, con
 
     if (reach > spread * mu)
         spread = reach / mu;
-    const double used = out->used_pct, *swing = best->inputs + SWING;
     const int regime = used >= d->saturated_share * mu ? SATURATED_NOW : cut ? CHANGED : used / mu < COASTS ? COASTING
         : swing[0] + swing[1] > MOVED ? MOVING : STEADY;
     out->regime = regime;
@@ -110,7 +110,7 @@ void wrcd_estimate(const wrcd_estimator *e, const wrcd_design *d, wrcd_adhesion 
         out->rule_share = best.rules.rule_share;
         out->half_width_pp = greater(spread * mu, used - from_rules);
         out->saturated = used >= d->saturated_share * mu;
-        out->contradicted = used > from_rules + margin;
+        out->contradicted = (d->is_paper ? used : 100.0 * m.lasting) > from_rules + margin;
         out->window_s = best.s.ticks * d->tick_s;
         out->live_share = best.s.live_share;
     }

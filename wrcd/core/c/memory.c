@@ -2,10 +2,10 @@
  * was in use at the last peak is carried on.
  *
  * While nothing changes, the rules' word on the newest second is fused with those before: a mean of log adhesion in which each
- * word weighs by its spread, forgotten within seconds. Where the window's own word lies far from the fused one, or its newest
- * part speaks of another rail, the memory begins anew. What is in use is available: that bound is carried across cuts of the
- * window and changes of torque, and erodes with time and way. Where the wheelset is saturated on less, the rail has become
- * worse, and the bound is what is in use. */
+ * word weighs by its spread, forgotten within seconds. Where the window's own word lies far from the fused one, or above it for
+ * long, or its newest part speaks of another rail, the memory begins anew. What is in use is available: that bound is carried
+ * across cuts of the window and changes of torque, and erodes with time and way. Where the wheelset is saturated on less, the
+ * rail has become worse, and the bound is what is in use. */
 #include "parts.h"
 
 /* A torque of the moment that differs by this share and this ratio from what it was is a change, of the drive or of the rail.
@@ -48,6 +48,9 @@ static const double WEIGHT = 0.08 * 0.6;
 static const double BELOW = 2.5, ABOVE = 3.0;
 /* Where the window was cut, its word takes over at this share of them, and where its deviation is so large. */
 static const double CUT = 0.5, VAGUE = 0.3;
+/* The rail has become better where the sum of what words lie beyond so many deviations above reaches so many seconds; a memory
+ * begins with so much of the word then. */
+static const double BEYOND = 0.8, REACHED_S = 0.6, BEGINS_BETTER = 0.5;
 /* The bound erodes after HOLD_S, within so many seconds and metres; saturated: this share of the newest part's word. */
 static const double HOLD_S = 0.5, ERODES_S = 6.0, ERODES_M = 120.0, SATURATED = 0.87;
 static const double AGAIN = 0.98; /* of what was in use at the peak: as much again */
@@ -89,9 +92,12 @@ bool wrcd_memory_fuse(double m[WRCD_REMEMBERED], rail_word own, bool whole, rail
     double weighed = KEPT * m[WEIGHED] + WEIGHT * new_precision * own.log_pct;
 
     (void)wrcd_memory_spoken(precision, weighed, own, whole, &share);
-    const bool begins = m[PRECISION] == 0.0 || share >= 1.0;
-    precision = !usable ? 0.0 : begins ? BEGINS * new_precision : precision;
-    weighed = !usable ? 0.0 : begins ? BEGINS * new_precision * own.log_pct : weighed;
+    const double above = whole ? (own.log_pct - m[WEIGHED] / m[PRECISION]) / own.sigma - BEYOND : -BEYOND;
+    const double above_s = m[PRECISION] > 0.0 && usable ? greater(m[ABOVE_S] + above * step_s, 0.0) : 0.0;
+    const bool better = above_s > REACHED_S, begins = better || m[PRECISION] == 0.0 || share >= 1.0;
+    const double begins_with = (better ? BEGINS_BETTER : BEGINS) * new_precision;
+    precision = !usable ? 0.0 : begins ? begins_with : precision;
+    weighed = !usable ? 0.0 : begins ? begins_with * own.log_pct : weighed;
     const double in_use = isfinite(in_use_pct) ? in_use_pct : 0.0;
     const bool at_peak = in_use >= AGAIN * m[PEAK_PCT] || in_use >= SATURATED * exp(newest.log_pct);
     const double since_s = at_peak ? 0.0 : m[PEAK_AGE_S] + step_s;
@@ -103,6 +109,7 @@ bool wrcd_memory_fuse(double m[WRCD_REMEMBERED], rail_word own, bool whole, rail
     const bool anew = m[ANOTHER] >= (double)ANOTHER_STEPS;
     m[PRECISION] = anew ? 0.0 : precision;
     m[WEIGHED] = anew ? 0.0 : weighed;
+    m[ABOVE_S] = anew || begins ? 0.0 : above_s;
     m[PEAK_PCT] = at_peak ? in_use : m[PEAK_PCT] * erodes;
     m[PEAK_AGE_S] = since_s;
     m[SINCE_M] = anew || begins || !usable ? 0.0 : m[SINCE_M] + step_s * speed_m_s;

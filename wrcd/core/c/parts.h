@@ -96,7 +96,7 @@ void wrcd_window_decades(const double newer[SUMS], const double rest[SUMS], doub
 typedef struct { double output, firing, rule_share, spread; int rule; } rules_answer;
 void wrcd_rules_infer(const wrcd_design *d, const double inputs[WRCD_COLUMNS], rules_answer *answer);
 typedef struct { /* of an axle at one moment, whatever the window's length */
-    double now, lasting, range[2], step[MODELS], noise_factor[CHANNELS], floor[MODELS], grid_speed_m_s;
+    double now, lasting, lasted, range[2], step[MODELS], noise_factor[CHANNELS], floor[MODELS], grid_speed_m_s;
     bool partner_counts; /* its signals, beside the axle's own */
 } rules_moment;
 typedef struct { /* what the rules say of one window: adhesion, and its half-width as a share of it */
@@ -113,7 +113,7 @@ void wrcd_rules_ask_both(const wrcd_estimator *e, const wrcd_design *d, int axle
 
 /* memory.c */
 static const double SIGMAS = 1.645; /* in the half-width of a 90 % interval */
-enum { PRECISION, WEIGHED, PEAK_PCT, PEAK_AGE_S, ANOTHER, SINCE_M }; /* what is remembered */
+enum { PRECISION, WEIGHED, PEAK_PCT, PEAK_AGE_S, ANOTHER, SINCE_M, ABOVE_S }; /* what is remembered */
 typedef struct { double log_pct, sigma; } rail_word;
 rail_word wrcd_memory_word(const window_answer *a);
 rail_word wrcd_memory_spoken(double precision, double weighed, rail_word own, bool whole, double *share);

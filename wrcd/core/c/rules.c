@@ -16,6 +16,8 @@ void wrcd_rules_moment(const wrcd_estimator *e, const wrcd_design *d, int axle, 
     m->partner_counts = d->is_bogie && (axle ^ 1) < (int)e->axles && wrcd_pair_sound(&e->axle[axle ^ 1]);
     wrcd_window_sums(e, d, axle, d->now, d->now + d->step, true, before);
     m->lasting = fmin(torque_now, torque_of(before));
+    wrcd_window_sums(e, d, axle, d->now, d->now + d->lasts, true, before);
+    m->lasted = fmin(m->lasting, torque_of(before));
     wrcd_window_torque_range(e, d, axle, half, m->range);
     wrcd_window_sums(e, d, axle, 0, d->recent, true, newer);
     wrcd_window_sums(e, d, axle, d->recent, d->recent + half, true, before);
@@ -144,7 +146,8 @@ void wrcd_rules_ask(const wrcd_estimator *e, const wrcd_design *d, int axle, con
     out->blocks = blocks;
 }
 
-/* The rules' answers of the usual window and of its newest part. */
+/* The rules' answers of the usual window and of its newest part. What is in use counts at once as far as the newest part says
+ * that it is there. */
 void wrcd_rules_ask_both(const wrcd_estimator *e, const wrcd_design *d, int axle, rules_moment *m, window_answer *usual,
                          window_answer *recent)
 {
@@ -152,6 +155,8 @@ void wrcd_rules_ask_both(const wrcd_estimator *e, const wrcd_design *d, int axle
 
     wrcd_rules_moment(e, d, axle, wrcd_window_torque_now(e, d, axle), m);
     wrcd_rules_ask(e, d, axle, m, filled < d->usual ? filled : d->usual, usual);
-    if (!d->is_paper)
-        wrcd_rules_ask(e, d, axle, m, filled < d->recent ? filled : d->recent, recent);
+    if (d->is_paper)
+        return;
+    wrcd_rules_ask(e, d, axle, m, filled < d->recent ? filled : d->recent, recent);
+    m->lasting = fmax(m->lasted, fmin(m->lasting, recent->mu_pct / 100.0));
 }

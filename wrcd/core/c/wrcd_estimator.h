@@ -51,7 +51,7 @@ enum {
     WRCD_PAIR_SPANS = 25, /* that are kept */
     WRCD_PAIR_FEATURES = 170,
     WRCD_MAX_HIDDEN = 128,
-    WRCD_REMEMBERED = 6
+    WRCD_REMEMBERED = 7
 };
 
 /* A table over growing speeds (m/s), linear between them, held at its ends: rows of `width` numbers. */
@@ -74,7 +74,7 @@ typedef struct {
 typedef struct {
     double tick_s;
     int is_paper, states;
-    int window_ticks, usual, longest, recent, now, step;
+    int window_ticks, usual, longest, recent, now, step, lasts;
     double min_ticks;              /* with data, that a window must hold */
     wrcd_speed_table A, B, H, W;   /* Phi (I - K H), Phi K, H, L^-1 of each model, by rows */
     double speed_low_m_s, speed_high_m_s;
