@@ -37,11 +37,12 @@ def describe(c: Config) -> list[str]:
         + (f", constant speed {c.constant_speed_m_s:g} m/s" if c.constant_speed_m_s is not None else ""),
     ]
     out += ["axles          on one rail share their words"] if c.fuses else []
+    beside = {place: c.axles[other].number for pair in c.bogies for place, other in (pair, pair[::-1])}
     for place, axle in enumerate(c.axles):
         out.append(f"axle {axle.number}")
-        out += (
-            [] if axle.position_m is None else [f"  {declared.POSITION.name:22} {axle.position_m:g} m along the train"]
-        )
+        if axle.position_m is not None:
+            shares = f"shares a bogie with axle {beside[place]}" if place in beside else "no other axle in its bogie"
+            out.append(f"  {declared.POSITION.name:22} {axle.position_m:g} m along the train, {shares}")
         out += [line for i in c.inputs if place in i.source.axles for line in _input(c, i)]
         for o in axle.sent:
             out += [] if o is None else [f"  sends                  -> {_sent(c, o)}", *_names(c, o)]

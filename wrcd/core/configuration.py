@@ -1,5 +1,6 @@
 """What a daemon runs with, as records; wrcd/config/config.py makes them from a TOML file."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +14,7 @@ from wrcd.core.design import Design
 LOAD_SHARES = (0.7, 1.3)
 # A wheel wears by less than a tenth of its radius; as far, the interval still holds the truth in 85 % and more.
 RADIUS_SHARES = (0.9, 1.1)
+MAX_WHEELBASES = 1.6  # of the design: what stands further apart shares no bogie; another vehicle's bogie still does
 
 
 AXLE_OUTPUTS = ("adhesion", "detail", "inputs", "own")  # keys of an axle's messages
@@ -83,3 +85,16 @@ class Config:
     torque_is_total: bool
     recorder: RecorderConfig
     warnings: tuple[str, ...] = ()  # what is odd, but bearable
+
+    @property
+    def bogies(self) -> tuple[tuple[int, int], ...]:
+        """Places of axles that share a bogie, the leading one first: of neighbours two by two, but of those whose
+        positions are known only the near ones; a lone wheelset's neighbours run on one track wherever they are."""
+        most_m = math.inf if self.design.wheelset.get("bogie") is None else MAX_WHEELBASES * self.design.wheelbase_m
+        at = [math.nan if a.position_m is None else a.position_m for a in self.axles]
+        out, k = list[tuple[int, int]](), 0
+        while k + 1 < len(at):
+            is_near = not abs(at[k] - at[k + 1]) > most_m
+            out += [(k, k + 1)] if is_near else []
+            k += 2 if is_near or any(map(math.isnan, at)) else 1
+        return tuple(out)

@@ -99,8 +99,7 @@ def _way(bias_pp: float) -> str:
 
 def fits_of(config: Config, bogies: np.ndarray[Any, Any]) -> tuple[DesignFit, ...]:
     """What the states of bogies say."""
-    numbers = [a.number for a in config.axles]
-    pairs = zip(numbers[::2], numbers[1::2], strict=False)
+    pairs = [(config.axles[a].number, config.axles[b].number) for a, b in config.bogies]
     return tuple(_fit_of(axles, b) for axles, b in zip(pairs, bogies, strict=False))
 
 

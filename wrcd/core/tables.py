@@ -185,6 +185,8 @@ def _settings(config: Config, mapped: Mapped, tables: Tables, sent: int) -> dict
     starts = {LOAD: 2 * design.normal_N, DIRECTION: 1.0, RADIUS: design.r_0, SPEED: np.nan}
     if config.constant_speed_m_s is not None:
         starts[SPEED] = config.constant_speed_m_s
+    bogies = config.bogies
+    partners = dict((*bogies, *((b, a) for a, b in bogies)))
     of_axles = np.full((len(QUANTITIES), layouts()["settings"]["input_of"].shape[0] // len(QUANTITIES)), -1)
     for (q, axle), k in first.items():
         of_axles[q, axle] = k
@@ -197,13 +199,14 @@ def _settings(config: Config, mapped: Mapped, tables: Tables, sent: int) -> dict
         "load_shares": LOAD_SHARES, "radius_shares": RADIUS_SHARES,
         "surface_pct": [low for low, _ in SURFACES], "confidence_pp": [most for most, _ in CONFIDENCES],
         "surfaces": len(SURFACES), "confidences": len(CONFIDENCES), "axles": n,
-        "bogies": n // 2 if tables["fit"]["ticks"][0] else 0, "messages": len(mapped.messages),
+        "bogies": len(bogies) if tables["fit"]["ticks"][0] else 0, "messages": len(mapped.messages),
         "inputs": len(signals), "statuses": len(mapped.statuses), "sent": sent, "window_ticks": design.window_ticks,
         "recent_ticks": design.recent_ticks, "torque_is_total": config.torque_is_total,
         "torque_sign_counts": not (config.torque_is_total or len(has_brakes) == n) or bool(has_brakes) or in_parts,
         "speed_tells_direction": not any(q == DIRECTION for q, _ in first), "input_of": of_axles.reshape(-1).tolist(),
         "position_m": [np.nan if a.position_m is None else a.position_m for a in config.axles],
         "number": [a.number for a in config.axles], "is_placed": config.fuses,
+        "partner": [partners.get(k, -1) for k in range(n)], "axles_of": [k for pair in bogies for k in pair],
     }  # fmt: skip
 
 

@@ -20,6 +20,7 @@ from wrcd.bus.dbc import find_message
 from wrcd.bus.frame import Frame
 from wrcd.cli.main import main
 from wrcd.config.config import load_config, load_packaged, packaged
+from wrcd.config.describe import describe as described
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
 from wrcd.core.reports import Records
@@ -259,6 +260,50 @@ def test_axles_are_put_in_their_order_along_the_train(tmp_path: Path) -> None:
     file = tmp_path / "train.toml"
     file.write_text(packaged(4, (-19.0, 0.0, -2.5, -21.5)))
     assert [a.number for a in load_config(file).axles] == [2, 3, 1, 4]
+
+
+@pytest.mark.parametrize(
+    ("at", "bogies"),
+    [
+        ((0.0, -2.5, -15.0, -17.5), ((1, 2), (3, 4))),
+        ((0.0, -15.0, -17.5), ((2, 3),)),
+        ((0.0, -1.8, -3.6), ((1, 2),)),
+        ((0.0, -3.9), ((1, 2),)),
+        ((0.0, -4.1), ()),
+        ((None, None, None, None), ((1, 2), (3, 4))),
+        ((0.0, -15.0, None, None), ((3, 4),)),
+        ((0.0, None, -15.0, -17.5), ((1, 2), (3, 4))),
+    ],
+)
+def test_axles_that_stand_near_share_a_bogie(
+    tmp_path: Path, at: tuple[float | None, ...], bogies: tuple[tuple[int, int], ...]
+) -> None:
+    """And where it is not said, two by two."""
+    file = tmp_path / "train.toml"
+    file.write_text(packaged(len(at), at))
+    config = load_config(file)
+    assert tuple((config.axles[a].number, config.axles[b].number) for a, b in config.bogies) == bogies
+    assert tuple(fit.axles for fit in Core(config).design_fits) == bogies
+    shared = "\n".join(described(config))
+    assert shared.count("shares a bogie") == sum(at[n - 1] is not None for pair in bogies for n in pair)
+    assert shared.count("no other axle in its bogie") == sum(
+        x is not None and all(n not in pair for pair in bogies) for n, x in enumerate(at, 1)
+    )
+
+
+def test_axle_far_from_its_neighbour_is_estimated_alone(film: Film) -> None:
+    """As the last one of three, whom nobody stands beside."""
+    frames = film.frames[: len(film.frames) // 2]
+
+    def says(axles: int, positions_m: Sequence[float] = ()) -> list[bytes]:
+        config = load_packaged(axles, positions_m=positions_m)
+        made = Core(replace(config, fuses=False)).feed(frames)
+        return [o.frame.data for o in made if o.frame.can_id == ADHESION[3]]
+
+    alone = says(3)
+    assert len(alone) > 200
+    assert says(4, (0.0, -2.5, -15.0, -30.0)) == alone
+    assert says(4, (0.0, -2.5, -15.0, -17.5)) == says(4) != alone
 
 
 def test_without_positions_nothing_is_sent_of_it(tmp_path: Path) -> None:

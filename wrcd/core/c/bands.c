@@ -2,7 +2,7 @@
  * rules' windows and for the judgement of pairs of sensors. */
 #include "parts.h"
 
-enum { OUTPUTS = BANDS + 1, PLACES = 2 * CHANNELS };
+enum { OUTPUTS = BANDS + 1 };
 static const double OFFSET_S = 2.0;        /* memory of the running mean that is taken off */
 static const double MAX_NOISE_RATIO = 1e6; /* times the noise: what is further off does not count for more */
 const int WRCD_ACROSS[4][2] = {{YAW, YAW}, {LAT, LAT}, {YAW, LAT}, {LAT, YAW}};
@@ -30,18 +30,18 @@ static void filter(const wrcd_design *d, double in, double x[WRCD_PAIR_FILTER][C
     }
 }
 
-static double *ring_of(wrcd_estimator *e, const wrcd_design *d, int bogie, int at)
+static double *ring_of(wrcd_estimator *e, const wrcd_design *d, int axle, int at)
 {
     const ptrdiff_t length = d->longest_wheelbase_ticks + 1, before = (ptrdiff_t)e->axles * 2 * d->longest * WRCD_SUMS;
 
-    return e->rest + before + (bogie * length + at) * BANDS * PLACES;
+    return e->rest + before + (axle * length + at) * BANDS * CHANNELS;
 }
 
 /* One tick of an axle's raw measurements; their running mean is taken off. */
 void wrcd_bands_step(wrcd_estimator *e, const wrcd_design *d, int axle, const double z[CHANNELS], bool used)
 {
     wrcd_axle *a = &e->axle[axle];
-    double *now = ring_of(e, d, axle / 2, (int)e->pair_at), *row = wrcd_window_newest(e, d, axle);
+    double *now = ring_of(e, d, axle, (int)e->pair_at), *row = wrcd_window_newest(e, d, axle);
 
     if (used)
         a->pair_offset_ticks = lesser(a->pair_offset_ticks + 1.0, OFFSET_S / d->tick_s);
@@ -52,7 +52,7 @@ void wrcd_bands_step(wrcd_estimator *e, const wrcd_design *d, int axle, const do
         x -= a->pair_mean[c];
         filter(d, x, a->pair_filter, c, used, y);
         for (int k = 0; k < BANDS; k++)
-            now[k * PLACES + 2 * c + axle % 2] = used ? y[k] : 0.0;
+            now[k * CHANNELS + c] = used ? y[k] : 0.0;
         if (used) {
             row[SUM_FINE + c] += y[BANDS] * y[BANDS];
             row[PLAIN + c] += x;
@@ -63,20 +63,26 @@ void wrcd_bands_step(wrcd_estimator *e, const wrcd_design *d, int axle, const do
     a->pair_goes_on = used ? 1.0 : 0.0;
 }
 
-/* An axle's products of own signals, and of own and partner's: the second one's a wheelbase ago. */
-static void sum_up(double *row, int own, const double *now, const double *before)
+static void sum_own(double *row, const double *now)
 {
-    for (int k = 0; k < BANDS; k++, now += PLACES, before += PLACES) {
-        for (int c = 0; c < CHANNELS; c++) {
-            const double mine = now[2 * c + own], theirs = now[2 * c + 1 - own];
-            row[OWN_POWER + 2 * k + c] += mine * mine;
-            row[THEIR_POWER + 2 * k + c] += theirs * theirs;
-        }
-        row[OWN_CROSS + k] += now[2 * YAW + own] * now[2 * LAT + own];
+    for (int k = 0; k < BANDS; k++, now += CHANNELS) {
+        for (int c = 0; c < CHANNELS; c++)
+            row[OWN_POWER + 2 * k + c] += now[c] * now[c];
+        row[OWN_CROSS + k] += now[YAW] * now[LAT];
+    }
+}
+
+/* An axle's products with its partner: the second one's signals are of a wheelbase ago. */
+static void sum_across(double *row, const double *mine, const double *mine_then, const double *theirs, const double *theirs_then)
+{
+    for (int k = 0; k < BANDS; k++) {
+        const int at = k * CHANNELS;
+        for (int c = 0; c < CHANNELS; c++)
+            row[THEIR_POWER + 2 * k + c] += theirs[at + c] * theirs[at + c];
         for (int i = 0; i < 4; i++) {
-            const int mine = 2 * WRCD_ACROSS[i][0] + own, theirs = 2 * WRCD_ACROSS[i][1] + 1 - own;
-            row[SUM_ACROSS + i * BANDS + k] += now[mine] * before[theirs];
-            row[SUM_ACROSS + (4 + i) * BANDS + k] += now[theirs] * before[mine];
+            const int own = at + WRCD_ACROSS[i][0], other = at + WRCD_ACROSS[i][1];
+            row[SUM_ACROSS + i * BANDS + k] += mine[own] * theirs_then[other];
+            row[SUM_ACROSS + (4 + i) * BANDS + k] += theirs[other] * mine_then[own];
         }
     }
 }
@@ -94,8 +100,13 @@ void wrcd_bands_end_of_tick(wrcd_estimator *e, const wrcd_design *d)
     const int length = d->longest_wheelbase_ticks + 1, at = (int)e->pair_at;
     const int then = (at - wheelbase_ticks(e, d) + length) % length;
 
-    for (int axle = 0; axle < (int)e->axles; axle++)
-        sum_up(wrcd_window_newest(e, d, axle), axle % 2, ring_of(e, d, axle / 2, at), ring_of(e, d, axle / 2, then));
+    for (int axle = 0; axle < (int)e->axles; axle++) {
+        const int other = (int)e->partner[axle];
+        double *row = wrcd_window_newest(e, d, axle), *now = ring_of(e, d, axle, at);
+        sum_own(row, now);
+        if (other >= 0)
+            sum_across(row, now, ring_of(e, d, axle, then), ring_of(e, d, other, at), ring_of(e, d, other, then));
+    }
     e->pair_at = (at + 1) % length;
 }
 
@@ -103,17 +114,15 @@ void wrcd_bands_end_of_tick(wrcd_estimator *e, const wrcd_design *d)
 void wrcd_bands_reset(wrcd_estimator *e, const wrcd_design *d, int axle)
 {
     wrcd_axle *a = &e->axle[axle];
-    const int partner = axle ^ 1;
+    const int partner = (int)e->partner[axle];
     bool any = false;
 
     memset(a->pair_filter, 0, sizeof a->pair_filter);
     memset(a->pair_mean, 0, sizeof a->pair_mean);
     a->pair_offset_ticks = a->pair_goes_on = 0.0;
-    for (int k = 0; partner < (int)e->axles && k < 2 * d->longest; k++)
+    for (int k = 0; partner >= 0 && k < 2 * d->longest; k++)
         memset(wrcd_window_row(e, d, partner, k) + THEIR_POWER, 0, (SUMS - THEIR_POWER) * sizeof(double));
-    for (int k = 0; k <= d->longest_wheelbase_ticks; k++)
-        for (int i = axle % 2; i < BANDS * PLACES; i += 2)
-            ring_of(e, d, axle / 2, k)[i] = 0.0;
+    memset(ring_of(e, d, axle, 0), 0, ((size_t)d->longest_wheelbase_ticks + 1) * BANDS * CHANNELS * sizeof(double));
     for (int other = 0; other < (int)e->axles; other++)
         any = any || e->axle[other].pair_offset_ticks > 0.0;
     if (!any)

@@ -53,8 +53,10 @@ void wrcd_core_begin(const wrcd_train *t)
     memset(t->axle, 0, (size_t)s->axles * sizeof *t->axle);
     memset(t->bogie, 0, (size_t)s->bogies * sizeof *t->bogie);
     wrcd_begin(t->estimator, t->design, s->axles);
-    for (int axle = 0; axle < s->axles; axle++)
+    for (int axle = 0; axle < s->axles; axle++) {
         t->axle[axle].is_reset = 1;
+        t->estimator->partner[axle] = s->partner[axle];
+    }
     t->core->begin_us = t->core->end_us = WRCD_NEVER;
     wrcd_inputs_begin(t);
     reset_all(t);
@@ -119,9 +121,10 @@ static void look_at_bogies(const wrcd_train *t, int64_t number, double speed_m_s
     for (int k = 0; k < t->settings->bogies; k++) {
         double z[WRCD_FIT_SIGNALS];
         bool is_there[WRCD_FIT_SIGNALS];
-        const bool is_reverse = wrcd_value_of(t, WRCD_DIRECTION, 2 * k) < 0.0;
+        const int *axles = t->settings->axles_of[k];
+        const bool is_reverse = wrcd_value_of(t, WRCD_DIRECTION, axles[0]) < 0.0;
         for (int i = 0; i < WRCD_FIT_SIGNALS; i++) {
-            const int axle = 2 * k + (i / WRCD_CHANNELS != is_reverse), at = i % WRCD_CHANNELS * n + axle;
+            const int at = i % WRCD_CHANNELS * n + axles[i / WRCD_CHANNELS != is_reverse];
             z[i] = tick->z[at];
             is_there[i] = tick->present[at];
         }

@@ -22,6 +22,8 @@ void wrcd_begin(wrcd_estimator *e, const wrcd_design *d, int axles)
     e->speed = NAN;
     e->speed_m_s = d->speed_low_m_s;
     e->window_newest = e->node = -1.0;
+    for (int axle = 0; axle < axles; axle++)
+        e->partner[axle] = (axle ^ 1) < axles ? axle ^ 1 : -1;
     for (int axle = 0; axle < axles; axle++) {
         double *odds = e->axle[axle].log_odds;
         wrcd_reset(e, d, axle);

@@ -175,11 +175,11 @@ void wrcd_health_look(wrcd_estimator *e, const wrcd_design *d, const double inpu
     }
     for (int axle = 0; axle < axles; axle++) {
         wrcd_axle *a = &e->axle[axle];
-        const int partner = axle ^ 1;
+        const int partner = (int)e->partner[axle];
         if (!known[axle])
             continue;
         memmove(a->health_rows[1], a->health_rows[0], (WRCD_PAIR_SPANS - 1) * sizeof a->health_rows[0]);
-        const bool counts = partner < axles && known[partner] && sound[partner];
+        const bool counts = partner >= 0 && known[partner] && sound[partner];
         rows_of(sums[axle], counts ? sums[partner][BAND_N] : 0.0, inputs[axle], a->health_rows[0]);
         a->health_held = lesser(a->health_held + 1.0, WRCD_PAIR_SPANS);
         wrcd_pair_features(a, e->speed_m_s, ratio[axle], x);

@@ -13,7 +13,7 @@ void wrcd_rules_moment(const wrcd_estimator *e, const wrcd_design *d, int axle, 
     const int half = d->usual / 2;
 
     m->now = torque_now;
-    m->partner_counts = d->is_bogie && (axle ^ 1) < (int)e->axles && wrcd_pair_sound(&e->axle[axle ^ 1]);
+    m->partner_counts = d->is_bogie && e->partner[axle] >= 0.0 && wrcd_pair_sound(&e->axle[(int)e->partner[axle]]);
     wrcd_window_sums(e, d, axle, d->now, d->now + d->step, true, before);
     m->lasting = fmin(torque_now, torque_of(before));
     wrcd_window_sums(e, d, axle, d->now, d->now + d->lasts, true, before);

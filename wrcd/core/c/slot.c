@@ -124,8 +124,9 @@ static void tell_inputs(const wrcd_train *t, const wrcd_report *r, double told[W
 /* The rules are another bogie's: the interval reaches as far as they are off there, and is no surer than that. */
 static void widen(const wrcd_train *t, wrcd_adhesion adhesion[WRCD_MAX_AXLES])
 {
-    for (int axle = 0; axle < 2 * t->settings->bogies; axle++) {
-        const wrcd_bogie_state *b = &t->bogie[axle / 2];
+    for (int i = 0; i < 2 * t->settings->bogies; i++) {
+        const wrcd_bogie_state *b = &t->bogie[i / 2];
+        const int axle = t->settings->axles_of[i / 2][i % 2];
         if (b->verdict == WRCD_FIT_UNLIKE)
             adhesion[axle].half_width_pp = UNLIKE_TIMES * adhesion[axle].half_width_pp + fabs(b->bias_pp) + UNLIKE_SIGMAS * b->bias_sigma_pp;
     }

@@ -147,6 +147,7 @@ typedef struct {
     F(speed_m_s, )                                                                             \
     F(window_newest, )                                                                         \
     F(pair_at, )                                                                               \
+    F(partner, [WRCD_MAX_AXLES]) /* the other axle of the bogie, -1: none; where else than wrcd_begin() says, set it then */ \
     F(outliers, )
 
 #define WRCD_DECLARE(name, dimensions) double name dimensions;
@@ -160,15 +161,15 @@ typedef struct {
     double node;
     double below[WRCD_MODELS][WRCD_MAX_STATES + 2][WRCD_MAX_STATES + 4];
     double rise[WRCD_MODELS][WRCD_MAX_STATES + 2][WRCD_MAX_STATES + 4];
-    /* Running sums [axles][2 longest][SUMS], then the bands' newest ticks [bogies][ring][BANDS][4]. */
+    /* Running sums [axles][2 longest][SUMS], then the bands' newest ticks [axles][ring][BANDS][CHANNELS]. */
     double rest[];
 } wrcd_estimator;
 #undef WRCD_DECLARE
 
 /* Bytes of a state: of the struct and what follows it. */
 #define WRCD_STATE_BYTES(AXLES, LONGEST, LONGEST_WHEELBASE_TICKS)                                 \
-    (sizeof(wrcd_estimator) + sizeof(double) * ((size_t)(AXLES) * 2U * (size_t)(LONGEST) * WRCD_SUMS \
-        + ((size_t)(AXLES) + 1U) / 2U * ((size_t)(LONGEST_WHEELBASE_TICKS) + 1U) * WRCD_BANDS * 4U))
+    (sizeof(wrcd_estimator) + sizeof(double) * (size_t)(AXLES) * (2U * (size_t)(LONGEST) * WRCD_SUMS \
+        + ((size_t)(LONGEST_WHEELBASE_TICKS) + 1U) * WRCD_BANDS * WRCD_CHANNELS))
 
 /* One tick: arrays [channel][axle], z of what is not present is anything; |torque| / (2 N r0), NaN where unknown. Numbers
  * lie in 0 ... 2^53 and grow; where one does not, reset every axle first. The speed is finite. */
