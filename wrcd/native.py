@@ -31,6 +31,7 @@ _SIGNATURES: tuple[tuple[str, Any, *tuple[Any, ...]], ...] = (
     ("wrcd_gate_why", None, _pointer, _int, _pointer, _double, _pointer),
     ("wrcd_pair_state", _int, _pointer, _int),
     ("wrcd_health_figures", None, _pointer, _int, _pointer, _pointer),
+    ("wrcd_slides_take", None, _pointer, _pointer),
     ("wrcd_torque_now", None, _pointer, _pointer, _pointer),
     ("wrcd_inputs_of", None, _pointer, _pointer, _int, _pointer, _pointer, _pointer),
     ("wrcd_steps", None, _pointer, _pointer, _pointer),

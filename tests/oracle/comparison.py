@@ -103,6 +103,10 @@ class Comparison:
         ours, theirs = oracle.health, estimator
         now = oracle.torque_now()
         self._close("torque_now", now, estimator.torque_now(), CLOSE)
+        slides = [[a.before_pct, a.used_pct, a.age_s, a.held_s] for a in oracle.slides.axles]
+        self._close("slide", np.array(slides), estimator._axle["slide"][:, :4], ROUGH)  # some were rough a while ago
+        told = np.array([[len(oracle.slides.told) > 0, oracle.slides.bias]])
+        self._close("slides", told, np.array([[estimator.slides[0] > 0.0, estimator.slides[3]]]), ROUGH)
         self._close("log_odds", ours.log_odds, log_odds(theirs), close)
         assert ours.state.tolist() == pair_states(theirs).tolist()
         blocks = np.repeat(LENGTHS, oracle.axles)

@@ -2,7 +2,7 @@
 and no number and no arithmetic."""
 
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,10 +13,11 @@ from tests.oracle.interval import Answers, Draft
 from tests.oracle.memory import ANOTHER_STEPS, STEP_TICKS, ChangeDetector, Remembered, remember
 from tests.oracle.residuals import BLOCK_TICKS, PLAIN_IN_BANDS, Lengths, Window, quiet
 from tests.oracle.signals import HOLD_TICKS, MAX_PULSE, Gate, Joints, NoiseLevel, Offset, Sections
+from tests.oracle.slides import Slides
 from tests.support.stepped import Outliers, Tick
 from wrcd.core.design import BoolArray, Design, FloatArray, IntArray
 from wrcd.core.records import Estimate
-from wrcd.core.terms import MODELS
+from wrcd.core.terms import MODELS, PairState
 
 OFFSET_WINDOWS = 2  # memory of the sensors' offsets, in windows
 
@@ -89,6 +90,7 @@ class Oracle:
         self._delayed_live = np.zeros((HOLD_TICKS, axles), dtype=bool)
         self._delayed_clear = np.zeros((HOLD_TICKS, axles), dtype=bool)
         self._memory = np.zeros((len(Remembered._fields), axles))
+        self.slides = Slides(axles)
         self.started = np.zeros(axles, dtype=bool)
         self.deviation = np.zeros((2, axles))  # of the newest measurements from their offset
 
@@ -104,6 +106,7 @@ class Oracle:
         if axle ^ 1 < self.axles:
             self._window.forget_partner(axle ^ 1)
         self._memory[:, axle] = 0.0
+        self.slides.reset(axle)
         if not self.started.any():  # the speed is all axles': it goes on while one of them does
             self._speed.reset()
 
@@ -169,6 +172,8 @@ class Oracle:
             draft = self._draft()
             (usual, recent), _, _ = self._answers.answers(draft)
             step_s = STEP_TICKS * self.design.tick_s
+            sound = self.health.state == PairState.SOUND
+            self.slides.look(self._answers.estimate(draft), sound, draft.lasted, step_s)
             whole = draft.blocks[0] * BLOCK_TICKS >= self.design.window_ticks
             memory = remember(
                 Remembered(*self._memory), usual.word, whole, recent.word, recent.live_share,
@@ -201,7 +206,8 @@ class Oracle:
     def estimate(self) -> Estimate:
         """The adhesion that the window's residuals and torque speak for."""
         with quiet():
-            return self._answers.estimate(self._draft())
+            found = self._answers.estimate(self._draft())
+            return replace(found, half_width_pp=found.half_width_pp + self.slides.wider_pp(found))
 
     def _draft(self) -> Draft:
         """What an estimate of this moment is made from. Within quiet()."""

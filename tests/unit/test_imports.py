@@ -74,20 +74,20 @@ BUDGETS = {
     "sim_ecu/reporting": 264,
     "sim_ecu/score": 4010,
     "systemd": 593,
-    "wrcd": 260,
+    "wrcd": 261,
     "wrcd/bus": 2710,
     "wrcd/cli": 1160,
-    "wrcd/config": 2665,
+    "wrcd/config": 2668,
     "wrcd/contract": 1312,
-    "wrcd/core": 8070,
+    "wrcd/core": 8290,
     "wrcd/dbc": 3270,
     "wrcd/fit": 850,
     "wrcd/kit": 3370,
-    "wrcd/logs": 5035,
+    "wrcd/logs": 5040,
     "wrcd/monitor": 2554,
-    "wrcd/recorder": 557,
+    "wrcd/recorder": 705,
     "wrcd/report": 2641,
-    "wrcd/service": 537,
+    "wrcd/service": 545,
 }
 NO_LINES = {".json", ".dbc", ".so", ".pyc"}  # data, and what is built
 BUILT = re.compile(r"/__pycache__/|\.egg-info/")
@@ -95,7 +95,7 @@ SAME = {"sim_ecu.resources"}
 PRODUCT = ("wrcd", "sim_ecu", "systemd", "examples")
 WITHOUT_FLOOR = {"systemd", "examples"}
 # Of the estimator, each a file of C and one of its oracle
-STAGES = ("signals", "bank", "residuals", "bands", "rules", "memory", "interval", "health", "estimator")
+STAGES = ("signals", "bank", "residuals", "bands", "rules", "memory", "interval", "slides", "health", "estimator")
 WITH_FILES = {"wrcd.core.design"}  # reads the design, before the first tick
 
 

@@ -1,5 +1,6 @@
 """What a daemon runs with, as records; wrcd/config/config.py makes them from a TOML file."""
 
+import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -92,9 +93,12 @@ class Config:
         positions are known only the near ones; a lone wheelset's neighbours run on one track wherever they are."""
         most_m = math.inf if self.design.wheelset.get("bogie") is None else MAX_WHEELBASES * self.design.wheelbase_m
         at = [math.nan if a.position_m is None else a.position_m for a in self.axles]
+        step = 2 if any(map(math.isnan, at)) else 1
+        off = [abs(abs(a - b) - self.design.wheelbase_m) for a, b in itertools.pairwise(at)]
         out, k = list[tuple[int, int]](), 0
         while k + 1 < len(at):
-            is_near = not abs(at[k] - at[k + 1]) > most_m
-            out += [(k, k + 1)] if is_near else []
-            k += 2 if is_near or any(map(math.isnan, at)) else 1
+            is_next = step == 1 and k + 2 < len(at) and off[k + 1] < off[k]  # the next two are the bogie's
+            is_pair = not is_next and not abs(at[k] - at[k + 1]) > most_m
+            out += [(k, k + 1)] if is_pair else []
+            k += 2 if is_pair else step
         return tuple(out)

@@ -1,7 +1,7 @@
 """The estimator: a thin door to the C (wrcd/core/c), which steps and answers for all axles of a train."""
 
 import ctypes
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -77,6 +77,18 @@ class Estimator:
         self.library.wrcd_estimate(self._e, self._d, _address(out))
         kinds: dict[str, Any] = dict.fromkeys(_WHOLE, np.int64) | dict.fromkeys(_FLAGS, np.bool_)
         return Estimate(**{n: out[n].astype(kinds[n]) if n in kinds else out[n] for n in out.dtype.names})
+
+    @property
+    def slides(self) -> tuple[float, float, float, float]:
+        """Of the train's slides, the older counting less: weight, sum and squares of the logs of the estimate before
+        over what was shown; their mean, 0 where that may be chance."""
+        weight, total, squares, bias = self._train["slides"][:4].tolist()
+        return weight, total, squares, bias
+
+    def take_slides(self, sums: Sequence[float]) -> None:
+        """Go on from such a weight, sum and squares."""
+        given = np.array(sums, np.float64)
+        self.library.wrcd_slides_take(self._e, _address(given))
 
     def torque_now(self) -> FloatArray:
         """(n,): torque ratio of the moment; NaN where it is not known."""

@@ -15,6 +15,7 @@ from wrcd.core.causes import Cause
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
 from wrcd.core.events import Change, Events
+from wrcd.core.slides import slides_of
 
 EVERY_US = 1_000_000
 T = TypeVar("T")
@@ -126,6 +127,7 @@ class CounterLog:
         self._foreign: Counter[int] = Counter()  # as reported
         self._foreign_next_us = 0
         self._unlike = dict[tuple[int, int], bool]()  # by the axles of a bogie
+        self._biased = False  # as slides show
 
     def look(self, now_us: int) -> None:
         """Write what is new. The time only spaces the lines."""
@@ -146,6 +148,7 @@ class CounterLog:
             self._log_rejected()
             self._log_clipped()
             self._log_design_fit()
+            self._log_slides()
         if self._link.health.foreign_frames != self._foreign.total() and is_due(self._foreign_next_us, now_us):
             self._foreign_next_us = now_us + EVERY_US
             self._log_foreign()
@@ -178,6 +181,13 @@ class CounterLog:
                 self._unlike[fit.axles] = is_unlike
                 over = f"axles {fit.axles[0]} and {fit.axles[1]}: the design no longer seems another bogie's"
                 self._write(fit.sentence if is_unlike else over)
+
+    def _log_slides(self) -> None:
+        """Once, that slides contradict the estimates before them; and once, that they no longer do."""
+        slides = slides_of(self._core.estimator)
+        if (slides.bias != 0.0) != self._biased:
+            self._biased = not self._biased
+            self._write(slides.sentence or "slides no longer show that estimates are too high or low")
 
     def _log_clipped(self) -> None:
         clipped = self._core.counts.clipped

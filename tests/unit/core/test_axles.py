@@ -272,6 +272,8 @@ def test_axles_are_put_in_their_order_along_the_train(tmp_path: Path) -> None:
         ((0.0, -4.1), ()),
         ((None, None, None, None), ((1, 2), (3, 4))),
         ((0.0, -15.0, None, None), ((3, 4),)),
+        ((0.0, -3.9, -6.4), ((2, 3),)),
+        ((0.0, -3.9, -6.4, -10.3, -12.8), ((2, 3), (4, 5))),
         ((0.0, None, -15.0, -17.5), ((1, 2), (3, 4))),
     ],
 )
@@ -304,6 +306,24 @@ def test_axle_far_from_its_neighbour_is_estimated_alone(film: Film) -> None:
     assert len(alone) > 200
     assert says(4, (0.0, -2.5, -15.0, -30.0)) == alone
     assert says(4, (0.0, -2.5, -15.0, -17.5)) == says(4) != alone
+
+
+def test_bogie_is_the_same_whatever_stands_before_it(film: Film, tmp_path: Path) -> None:
+    """Axles 2 and 3 of three, beside two that are the train's only ones."""
+    frames, file = film.frames[: len(film.frames) // 2], tmp_path / "train.toml"
+
+    def says(text: str) -> list[tuple[int, bytes]]:
+        file.write_text(text)
+        config = replace(load_config(file), fuses=False)
+        assert [(config.axles[a].number, config.axles[b].number) for a, b in config.bogies] == [(2, 3)]
+        made = Core(config).feed(frames)
+        return [(o.frame.can_id, o.frame.data) for o in made if o.frame.can_id in (ADHESION[2], ADHESION[3])]
+
+    three = packaged(3, (0.0, -15.0, -17.5))
+    head, _, rest = three.partition("[[axle]]")
+    two = head + "[[axle]]" + rest.partition("[[axle]]")[2]
+    assert len(says(three)) > 400
+    assert says(three) == says(two)
 
 
 def test_without_positions_nothing_is_sent_of_it(tmp_path: Path) -> None:

@@ -21,6 +21,7 @@ from wrcd.config.config import packaged
 from wrcd.config.settings import parse_toml
 from wrcd.core.core import Core
 from wrcd.core.design_fit import DesignFit
+from wrcd.core.estimator import Estimator
 from wrcd.dbc.bus_check.input_figures import noise
 
 ROOT = Path(__file__).parents[3]
@@ -137,6 +138,14 @@ def test_what_bogies_say_of_the_design_is_told(
     assert lines[own:] == ["wheelset  the design is for 'multiple-unit'", *(f"  {f.sentence}" for f in fits)]
     if status:
         assert lines[1] == finding
+
+
+def test_what_slides_say_of_the_design_is_told(checked: Checked, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Estimator, "slides", property(lambda _: (8.6, 1.7, 0.4, 0.2)))
+    status, text = checked(STEADY.format(seconds=2))
+    slides = "9 slides show that the estimates before them were 22 % too high: intervals are wider by that"
+    assert f"  wheelset: {slides}; {HINT}" in text.splitlines()
+    assert status == 0
 
 
 def test_design_without_a_bogie_is_one_of_which_the_signals_cannot_tell(checked: Checked) -> None:

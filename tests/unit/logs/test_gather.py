@@ -60,8 +60,8 @@ def test_estimated_events_are_those_of_a_replay(ride: Ride) -> None:
     assert [(e.validity.value, e.cause.label if e.cause else "") for e in events] == [
         (r["to"], r["cause"]) for r in rows
     ]
-    degraded = next(e for e in events if e.validity is Validity.DEGRADED)
-    assert degraded.detail == next(r["detail"] for r in rows if r["to"] == "Degraded")
+    lost = next(b for a, b in itertools.pairwise(events) if a.validity is Validity.VALID)
+    assert lost.detail == next(r["detail"] for r in rows if r["from"] == "Valid") != ""
 
 
 def test_events_cover_the_log_without_a_gap(ride: Ride) -> None:

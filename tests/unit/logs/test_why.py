@@ -1,5 +1,6 @@
 """`wrcd why` and the explanation of a moment."""
 
+import itertools
 import json
 import math
 from dataclasses import replace
@@ -39,10 +40,10 @@ def test_explanation_tells_what_the_frames_of_the_moment_say(ride: Ride, config:
 
 def test_explanation_of_a_state_that_is_not_valid_tells_since_when_and_why(ride: Ride) -> None:
     s = ride.estimated
-    event = next(e for e in s.axles[0].events if e.validity is Validity.DEGRADED)
+    event = next(b for a, b in itertools.pairwise(s.axles[0].events) if a.validity is Validity.VALID)
     x = explain(s, 1, event.begin_us)
     assert x.event == event
-    assert x.validity is Validity.DEGRADED
+    assert x.validity is event.validity is not Validity.VALID
     assert x.why == f"{event.cause.words} ({event.detail})"
 
 

@@ -153,6 +153,21 @@ def test_design_of_another_bogie_is_said_once_and_once_that_it_is_not(log: Log) 
     assert said("Unsure", "Unlike") == []
 
 
+def test_slides_that_contradict_the_estimates_are_said_once_and_once_that_they_do_not(log: Log) -> None:
+    train = log.sim.core.estimator._train
+
+    def said(bias: float) -> list[str]:
+        train["slides"][0], train["slides"][3] = 8.6, bias
+        return [line for line in log.look(3000) if "slides" in line]
+
+    assert said(0.0) == []
+    low = "9 slides show that the estimates before them were 37 % too low: intervals are wider by that"
+    assert said(-0.462) == [low]
+    assert said(-0.5) == []
+    assert said(0.0) == ["slides no longer show that estimates are too high or low"]
+    assert said(0.2) == [low.replace("37 % too low", "22 % too high")]
+
+
 def test_lines_of_counts_and_of_validity_are_those_of_the_snapshot(log: Log) -> None:
     """Each step and what is written of it: a count at most once a second, and nothing where nothing grew."""
     sim, health = log.sim, log.link.health

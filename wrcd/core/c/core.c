@@ -80,6 +80,8 @@ static void begin_tick(const wrcd_train *t, wrcd_out *out, int axle, int64_t num
     if (runs) {
         a->is_reset = 0;
         wrcd_validity_update(a, t->settings->window_ticks, a->tick_cause);
+        if (a->sound_ticks < t->settings->window_ticks)
+            wrcd_slides_forget(t->estimator, axle);
         a->resets_in_a_row = a->window_full ? 0 : a->resets_in_a_row;
     } else if (has(tick->silent, axle)) {
         reset_axle(t, axle, WRCD_CAUSE_INPUT_SILENT);
@@ -121,7 +123,7 @@ static void look_at_bogies(const wrcd_train *t, int64_t number, double speed_m_s
     for (int k = 0; k < t->settings->bogies; k++) {
         double z[WRCD_FIT_SIGNALS];
         bool is_there[WRCD_FIT_SIGNALS];
-        const int *axles = t->settings->axles_of[k];
+        const int32_t *axles = t->settings->axles_of + 2 * (ptrdiff_t)k;
         const bool is_reverse = wrcd_value_of(t, WRCD_DIRECTION, axles[0]) < 0.0;
         for (int i = 0; i < WRCD_FIT_SIGNALS; i++) {
             const int at = i % WRCD_CHANNELS * n + axles[i / WRCD_CHANNELS != is_reverse];

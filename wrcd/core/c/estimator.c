@@ -41,6 +41,7 @@ void wrcd_reset(wrcd_estimator *e, const wrcd_design *d, int axle)
     wrcd_signals_reset(a, d);
 #define CLEAR(field) memset(&a->field, 0, sizeof a->field)
     CLEAR(bank_x), CLEAR(complete), CLEAR(started), CLEAR(delayed), CLEAR(delayed_live), CLEAR(delayed_clear), CLEAR(memory);
+    CLEAR(slide);
 #undef CLEAR
     wrcd_window_reset(e, d, axle);
     wrcd_bands_reset(e, d, axle);
@@ -161,6 +162,7 @@ static void look_back(wrcd_estimator *e, const wrcd_design *d, int64_t ticks)
         return;
     for (int axle = 0; axle < axles; axle++)
         wrcd_memory_remember(e, d, axle, inputs[axle], &ratio[axle]);
+    wrcd_slides_end(e, (double)REMEMBER_TICKS * d->tick_s);
     if (d->health != NULL && ticks % SPAN_TICKS == 0)
         wrcd_health_look(e, d, (const double (*)[WRCD_COLUMNS])inputs, ratio);
 }

@@ -11,7 +11,6 @@ static const double BEYOND_WIDER = 2.0; /* the half-width grows so for each rang
 static const double LOW_FIRING = 0.2;   /* below, few training conditions were like the moment: the interval is wider */
 static const double MOVED = 0.1;  /* decades, above and below together, by which the torque has moved within half a second */
 static const double COASTS = 0.1; /* of what is available: less in use tells hardly anything */
-enum { STEADY, MOVING, COASTING, CHANGED, SATURATED_NOW }; /* what goes on: the last that applies counts */
 
 /* What the half-width is multiplied by, in a regime at a speed; beyond the table's speeds, that at its ends. */
 static double widening(const wrcd_design *d, int regime, double speed_m_s)
@@ -69,49 +68,57 @@ static double weigh(const wrcd_estimator *e, const wrcd_design *d, int axle, con
     return doubted(d, spread * widening(d, regime, e->speed_m_s), best, e->speed_m_s, out);
 }
 
+/* From what the rules say of an axle's windows. */
+void wrcd_estimate_of(const wrcd_estimator *e, const wrcd_design *d, int axle, const rules_moment *m, const window_answer *best,
+                      const window_answer *recent, wrcd_adhesion *out)
+{
+    double spread, nearest = INFINITY;
+    bool unknown = false;
+
+    out->used_pct = 100.0 * m->now;
+    if (d->is_paper) {
+        out->mu_from_rules_pct = best->mu_pct;
+        out->mu_available_pct = isnan(best->mu_pct) ? NAN : lesser(fmax(best->mu_pct, out->used_pct), 100.0);
+        out->doubt = out->regime = 0.0;
+        out->reaches_pct = NAN;
+        spread = best->spread;
+    } else {
+        spread = weigh(e, d, axle, m, best, recent, out);
+    }
+    const double mu = out->mu_available_pct, from_rules = out->mu_from_rules_pct, used = out->used_pct;
+    out->winner = 1.0;
+    for (int k = 0; k < MODELS; k++) {
+        const double *c = d->centres[k], fits = (best->inputs[k] - c[0]) / (c[d->sets[k] - 1] - c[0]);
+        unknown = unknown || isnan(fits);
+        if (fits < nearest) {
+            nearest = fits;
+            out->winner = k + 1;
+        }
+        out->residuals[k] = sqrt(best->s.mean_square[k]);
+    }
+    out->winner = unknown ? 0.0 : out->winner;
+    const double margin = greater(spread * from_rules, CONTRADICTION_SHARE * from_rules + CONTRADICTION_PP);
+    out->torque_ratio = best->s.ratio;
+    memcpy(out->inputs, best->inputs, sizeof out->inputs);
+    out->fuzzy = best->rules.output;
+    out->firing = best->rules.firing;
+    out->rule = best->rules.rule;
+    out->rule_share = best->rules.rule_share;
+    out->half_width_pp = greater(spread * mu, used - from_rules);
+    out->saturated = used >= d->saturated_share * mu;
+    out->contradicted = (d->is_paper ? used : 100.0 * m->lasting) > from_rules + margin;
+    out->window_s = best->s.ticks * d->tick_s;
+    out->live_share = best->s.live_share;
+}
+
 void wrcd_estimate(const wrcd_estimator *e, const wrcd_design *d, wrcd_adhesion *adhesion)
 {
     for (int axle = 0; axle < (int)e->axles; axle++) {
-        wrcd_adhesion *out = &adhesion[axle];
         window_answer best, recent;
         rules_moment m;
-        double spread, nearest = INFINITY;
-        bool unknown = false;
 
         wrcd_rules_ask_both(e, d, axle, &m, &best, &recent);
-        out->used_pct = 100.0 * m.now;
-        if (d->is_paper) {
-            out->mu_from_rules_pct = best.mu_pct;
-            out->mu_available_pct = isnan(best.mu_pct) ? NAN : lesser(fmax(best.mu_pct, out->used_pct), 100.0);
-            out->doubt = out->regime = 0.0;
-            out->reaches_pct = NAN;
-            spread = best.spread;
-        } else {
-            spread = weigh(e, d, axle, &m, &best, &recent, out);
-        }
-        const double mu = out->mu_available_pct, from_rules = out->mu_from_rules_pct, used = out->used_pct;
-        out->winner = 1.0;
-        for (int k = 0; k < MODELS; k++) {
-            const double *c = d->centres[k], fits = (best.inputs[k] - c[0]) / (c[d->sets[k] - 1] - c[0]);
-            unknown = unknown || isnan(fits);
-            if (fits < nearest) {
-                nearest = fits;
-                out->winner = k + 1;
-            }
-            out->residuals[k] = sqrt(best.s.mean_square[k]);
-        }
-        out->winner = unknown ? 0.0 : out->winner;
-        const double margin = greater(spread * from_rules, CONTRADICTION_SHARE * from_rules + CONTRADICTION_PP);
-        out->torque_ratio = best.s.ratio;
-        memcpy(out->inputs, best.inputs, sizeof out->inputs);
-        out->fuzzy = best.rules.output;
-        out->firing = best.rules.firing;
-        out->rule = best.rules.rule;
-        out->rule_share = best.rules.rule_share;
-        out->half_width_pp = greater(spread * mu, used - from_rules);
-        out->saturated = used >= d->saturated_share * mu;
-        out->contradicted = (d->is_paper ? used : 100.0 * m.lasting) > from_rules + margin;
-        out->window_s = best.s.ticks * d->tick_s;
-        out->live_share = best.s.live_share;
+        wrcd_estimate_of(e, d, axle, &m, &best, &recent, &adhesion[axle]);
+        adhesion[axle].half_width_pp += wrcd_slides_pp(e, &adhesion[axle]);
     }
 }

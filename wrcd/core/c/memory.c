@@ -121,8 +121,11 @@ void wrcd_memory_remember(wrcd_estimator *e, const wrcd_design *d, int axle, dou
 {
     window_answer usual, recent;
     rules_moment at;
+    wrcd_adhesion now;
 
     wrcd_rules_ask_both(e, d, axle, &at, &usual, &recent);
+    wrcd_estimate_of(e, d, axle, &at, &usual, &recent, &now);
+    wrcd_slides_look(e, axle, &now, at.lasted, (double)REMEMBER_TICKS * d->tick_s);
     memcpy(inputs, usual.inputs, sizeof usual.inputs);
     *ratio = at.now;
     const bool whole = usual.blocks * WRCD_BLOCK_TICKS >= d->window_ticks;

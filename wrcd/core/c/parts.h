@@ -122,6 +122,25 @@ bool wrcd_memory_fuse(double memory[WRCD_REMEMBERED], rail_word own, bool whole,
 void wrcd_memory_changes(wrcd_estimator *e, const wrcd_design *d, int axle);
 void wrcd_memory_remember(wrcd_estimator *e, const wrcd_design *d, int axle, double inputs[WRCD_COLUMNS], double *ratio);
 
+/* interval.c */
+enum { STEADY, MOVING, COASTING, CHANGED, SATURATED_NOW }; /* what goes on: the last that applies counts */
+void wrcd_estimate_of(const wrcd_estimator *e, const wrcd_design *d, int axle, const rules_moment *m, const window_answer *best,
+                      const window_answer *recent, wrcd_adhesion *out);
+/* Whether nothing goes on, and nothing speaks against the estimate. */
+static inline bool wrcd_is_steady(const wrcd_adhesion *a)
+{
+    return (int)a->regime == STEADY && (int)a->doubt == WRCD_NO_DOUBT && !(a->contradicted > 0.0);
+}
+
+/* slides.c */
+enum { BEFORE_PCT, USED_PCT, BEFORE_AGE_S, HELD_S, SHOWN_PCT };            /* of an axle's slide: the estimate before, what was in use */
+enum { SLIDES, SUM, SQUARES, BIAS, AXLES, TOGETHER, TOGETHER_AGE_S };      /* of all: sums of log (before / shown); those not yet in */
+void wrcd_slides_look(wrcd_estimator *e, int axle, const wrcd_adhesion *now, double lasted, double step_s);
+void wrcd_slides_forget(wrcd_estimator *e, int axle);
+void wrcd_slides_end(wrcd_estimator *e, double step_s);
+void wrcd_slides_take(wrcd_estimator *e, const double kept[3]);
+double wrcd_slides_pp(const wrcd_estimator *e, const wrcd_adhesion *now);
+
 /* bands.c */
 static const double BAND_FLOOR = 0.02; /* of the noise's power, in each band */
 extern const int WRCD_ACROSS[4][2];    /* own signal, partner's */

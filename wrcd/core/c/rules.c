@@ -147,7 +147,7 @@ void wrcd_rules_ask(const wrcd_estimator *e, const wrcd_design *d, int axle, con
 }
 
 /* The rules' answers of the usual window and of its newest part. What is in use counts at once as far as the newest part says
- * that it is there. */
+ * that it is there, all of it where that says nothing. */
 void wrcd_rules_ask_both(const wrcd_estimator *e, const wrcd_design *d, int axle, rules_moment *m, window_answer *usual,
                          window_answer *recent)
 {

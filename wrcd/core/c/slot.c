@@ -126,9 +126,11 @@ static void widen(const wrcd_train *t, wrcd_adhesion adhesion[WRCD_MAX_AXLES])
 {
     for (int i = 0; i < 2 * t->settings->bogies; i++) {
         const wrcd_bogie_state *b = &t->bogie[i / 2];
-        const int axle = t->settings->axles_of[i / 2][i % 2];
+        const int axle = t->settings->axles_of[i];
+        wrcd_adhesion *a = &adhesion[axle];
+        const double own = a->half_width_pp - wrcd_slides_pp(t->estimator, a); /* slides may tell of the same bias */
         if (b->verdict == WRCD_FIT_UNLIKE)
-            adhesion[axle].half_width_pp = UNLIKE_TIMES * adhesion[axle].half_width_pp + fabs(b->bias_pp) + UNLIKE_SIGMAS * b->bias_sigma_pp;
+            a->half_width_pp = fmax(a->half_width_pp, UNLIKE_TIMES * own + fabs(b->bias_pp) + UNLIKE_SIGMAS * b->bias_sigma_pp);
     }
 }
 

@@ -137,7 +137,7 @@ enum { WRCD_ADHESION, WRCD_DETAIL, WRCD_INPUTS_SEEN, WRCD_OWN_WORD, WRCD_DAEMON,
     F(int32_t, recent_ticks, ) F(int32_t, torque_is_total, ) F(int32_t, torque_sign_counts, )      \
     F(int32_t, speed_tells_direction, ) F(int32_t, is_placed, /* and speed and direction are known */)                 \
     F(int32_t, partner, [WRCD_MAX_AXLES] /* the other axle of the bogie; -1: none */)             \
-    F(int32_t, axles_of, [WRCD_MAX_AXLES / 2][2] /* of each bogie the design is judged in */)      \
+    F(int32_t, axles_of, [WRCD_MAX_AXLES] /* two by two those of the bogies that the design is judged in */) \
     F(int32_t, input_of, [WRCD_QUANTITIES][WRCD_MAX_AXLES] /* the first of those that add up; -1: not mapped */)
 
 /* An axle: its Validity, as validity.c counts it, and what was told of it at the newest slot. */

@@ -51,7 +51,9 @@ enum {
     WRCD_PAIR_SPANS = 25, /* that are kept */
     WRCD_PAIR_FEATURES = 170,
     WRCD_MAX_HIDDEN = 128,
-    WRCD_REMEMBERED = 7
+    WRCD_REMEMBERED = 7,
+    WRCD_OF_SLIDE = 5, /* what is kept of an axle's slide, and of a train's */
+    WRCD_OF_SLIDES = 7
 };
 
 /* A table over growing speeds (m/s), linear between them, held at its ends: rows of `width` numbers. */
@@ -133,6 +135,7 @@ typedef struct {
     F(window_last, )                                                                           \
     F(window_past, [WRCD_LAG][WRCD_MODELS * WRCD_CHANNELS])                                       \
     F(memory, [WRCD_REMEMBERED])                                                                  \
+    F(slide, [WRCD_OF_SLIDE])                                                                     \
     F(pair_filter, [WRCD_PAIR_FILTER][WRCD_CHANNELS])                                             \
     F(pair_mean, [WRCD_CHANNELS])                                                                 \
     F(pair_offset_ticks, )                                                                     \
@@ -147,6 +150,7 @@ typedef struct {
     F(speed_m_s, )                                                                             \
     F(window_newest, )                                                                         \
     F(pair_at, )                                                                               \
+    F(slides, [WRCD_OF_SLIDES])                                                                   \
     F(partner, [WRCD_MAX_AXLES]) /* the other axle of the bogie, -1: none; where else than wrcd_begin() says, set it then */ \
     F(outliers, )
 

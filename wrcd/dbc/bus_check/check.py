@@ -12,6 +12,7 @@ from wrcd.config.config import input_mappings, load_config
 from wrcd.config.statements import Statement
 from wrcd.core.core import Core
 from wrcd.core.events import Change
+from wrcd.core.slides import slides_of
 from wrcd.dbc.bus_check.findings import design_findings, findings, nothing, page
 from wrcd.dbc.bus_check.input_figures import Gathered, figures
 from wrcd.dbc.bus_check.signs import signs
@@ -102,7 +103,7 @@ def _report(
     found = figures(config, gathered, core.counts.rejected_by_message)
     fits = signs(config, gathered)
     noted = [*wrong_units(config, mappings, gathered, found), *findings(config, gathered, found, fits, lasted)]
-    noted += design_findings(core.design_fits)
+    noted += design_findings(core.design_fits, slides_of(core.estimator).sentence)
     print("\n".join(page(config, gathered, found, fits, lasted, noted, core.design_fits)))
     return WOULD_STOP if any(f.stops for f in noted) else FINE
 

@@ -180,14 +180,14 @@ def page(
     return [*out, f"wheelset  the design is for {name!r}", *(f"  {b.sentence}" for b in bogies)]
 
 
-def design_findings(bogies: Sequence[DesignFit]) -> list[BusFinding]:
-    """Bogies that are not, or not surely, the design's."""
+def design_findings(bogies: Sequence[DesignFit], slides: str) -> list[BusFinding]:
+    """Bogies that are not, or not surely, the design's; and what slides say against it, or nothing."""
     hint = "make one for it: `sim-ecu calibrate`, then `sim-ecu design`"
     found = [b for b in bogies if b.word in ("Unlike", "Unsure")]
     return [
         BusFinding(b.word == "Unlike", "wheelset", f"{b.sentence}; {hint}" if b.ratio >= UNSURE else b.sentence)
         for b in found
-    ]
+    ] + [BusFinding(False, "wheelset", f"{slides}; {hint}")] * bool(slides)
 
 
 def _fine(fits: Sequence[Fit], bogies: Sequence[DesignFit]) -> str:
