@@ -48,6 +48,9 @@ def _add(p: argparse.ArgumentParser) -> None:
     p.add_argument(
         "--explain", action="store_true", help="rows also name the winning model and the dominant rule of the moment"
     )
+    p.add_argument(
+        "--state", type=Path, metavar="FILE", help="begin with what slides had revealed: a dump's NAME.state.json"
+    )
     p.add_argument("--jobs", type=int, default=1, metavar="N", help="of several logs, so many at once (default: 1)")
 
 
@@ -59,7 +62,7 @@ def _run(args: argparse.Namespace) -> int:
 
     selection = Selection(args.begin, args.end, args.relative, tuple(args.axle), args.channel)
     outputs = Outputs(args.output, args.csv, args.events, args.mf4, args.mcap)
-    inputs = ReplayInputs(args.config, None if args.design is None else design_path(args.design))
+    inputs = ReplayInputs(args.config, None if args.design is None else design_path(args.design), args.state)
     if len(args.logs) == 1:
         status = replay(args.logs[0], inputs, outputs, explained=args.explain, selection=selection)
     else:

@@ -46,6 +46,7 @@ def _run(args: argparse.Namespace) -> int:
         from wrcd.bus.opening import open_link
         from wrcd.config.config import load_config_to_run
         from wrcd.core.core import Core
+        from wrcd.recorder.kept import make_kept
         from wrcd.recorder.recorder import make_recorder
         from wrcd.service.journal import log_line
         from wrcd.service.loop import Daemon
@@ -78,9 +79,11 @@ def _run(args: argparse.Namespace) -> int:
         log_line(f"warning: {warning}")
     if args.lock_memory and (reason := lock()):
         log_line(f"memory is not locked: {reason}; set LimitMEMLOCK=infinity (realtime.conf)")
-    recorder = make_recorder(core, args.channel or config.channel, log_line)
+    channel = args.channel or config.channel
+    kept = make_kept(core, channel, log_line)  # before the recorder, which has what it begins with
+    recorder = make_recorder(core, channel, log_line)
     try:
-        Daemon(core, link, Notifier(), recorder=recorder).run()
+        Daemon(core, link, Notifier(), recorder=recorder, kept=kept).run()
     finally:
         link.close()
     counts = core.counts

@@ -73,7 +73,7 @@ TORQUE_IS_TOTAL = Flag("torque_is_total", "false: friction brakes act beside the
 NUMBER = Whole("number", "each once", 1, MAX_AXLES, needed=True)
 POSITION = Number("position_m", "where it stands along the train, forward positive", -1000.0, 1000.0)
 ONE_WAY = Flag("one_way", "true: the train never runs in reverse", False)
-FOLDER = Text("folder", "where dumps go; default: systemd's `$STATE_DIRECTORY`, else none")
+FOLDER = Text("folder", "where dumps and what slides revealed go; default: systemd's `$STATE_DIRECTORY`, else none")
 SECONDS = Number("seconds", "how much is kept in memory; 0 is off", 0.0, 600.0, 90.0)
 MAX_FILES = Whole("max_files", "dumps in the folder", 1, 10_000, 20)
 MAX_MB = Number("max_mb", "megabytes in the folder", 1.0, 1e6, 200.0)

@@ -20,14 +20,17 @@ from wrcd.logs.exports import gathering_for
 from wrcd.logs.feed import WHOLE, Part, Selection, Survey, check_since, check_time, made_of_log, survey
 from wrcd.logs.reader import LogReader
 from wrcd.logs.replay_outputs import SCREEN, Outputs, Writing, check_outputs
+from wrcd.recorder.kept import take_file
 
 
 @dataclass(frozen=True, slots=True)
 class ReplayInputs:
-    """The files by which logs are estimated. configuration: None for the default one; design: None for its own."""
+    """The files by which logs are estimated. configuration: None for the default one; design: None for its own; state:
+    what slides had revealed before, None for nothing."""
 
     configuration: Path | None = None
     design: Path | None = None
+    state: Path | None = None
 
 
 def replay(
@@ -46,6 +49,8 @@ def replay(
     selection.check(config)
     gathered = gathering_for({"mf4": outputs.mf4, "mcap": outputs.mcap}, config)
     core = Core(config, samples=None if gathered is None else gathered.accepted)
+    if inputs.state is not None:
+        take_file(core.estimator, inputs.state)
     # a pipe cannot be read twice
     found = survey(log, config, selection.channel) if log.is_file() or not log.exists() else Survey()
     part = Part(selection, found, config)
@@ -135,6 +140,8 @@ def replays(
 
     Returns the largest exit status. Raises InputError before the first log where the outputs cannot be.
     """
+    if inputs.state is not None:
+        raise InputError("is what one log begins with, not several", key="--state", hint="replay them one by one")
     if jobs < 1:
         raise InputError(f"takes 1 or more, not {jobs}", key="--jobs")
     if not folders.files:

@@ -1,18 +1,21 @@
-"""A bounded folder of dumps. What is there under a dump's name is complete, and no link is followed."""
+"""A bounded folder of dumps, and what is kept beside them. What is there under its name is complete, and no link is
+followed. python -m wrcd.recorder.dump_folder FILE TEXT, an open file, writes one that is kept; it imports little.
+"""
 
 import errno
 import os
 import re
 import stat
+import sys
 import time
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
-LOG, EVENTS = ".log", ".events.csv"
-# an earlier version had a state beside its log
+LOG, EVENTS, STATE = ".log", ".events.csv", ".state.json"
 _NAME = re.compile(r"(wrcd-.+-\d{8}T\d{6}Z-[a-z]+)\.(log|events\.csv|state\.json)")
 _FULL = (errno.ENOSPC, errno.EDQUOT)
+ERRNO = 100  # the exit status of a program that failed: an errno behind it
 
 
 def dump_name(channel: str, now_us: int, trigger: str) -> str:
@@ -26,37 +29,62 @@ def safe_channel_name(channel: str) -> str:
     return re.sub(r"[^A-Za-z0-9_.]", "_", channel)[:40] or "can"
 
 
-def write_dump(folder: Path, name: str, log: Iterable[bytes], events: bytes, max_dumps: int, max_bytes: int) -> None:
-    """Write name.log and name.events.csv, and remove the oldest dumps beyond so many and so many bytes. Raises OSError;
-    then there is neither."""
-    with suppress(FileExistsError):
-        folder.mkdir(mode=0o700)
+def write_dump(
+    folder: Path, name: str, log: Iterable[bytes], events: bytes, state: bytes, max_dumps: int, max_bytes: int
+) -> None:
+    """Write name.log, name.events.csv and name.state.json, and remove the oldest dumps beyond so many and so many
+    bytes. Raises OSError; then there is none of them."""
+    make_folder(folder)
     # what a killed process of this channel's has left
     channel = name[: name.rindex("-", 0, name.rindex("-")) + 1]
     for left in folder.glob(f".{channel}*.part"):
         with suppress(OSError):
             left.unlink()
-    made = {folder / (name + suffix): folder / f".{name}{suffix}.part" for suffix in (EVENTS, LOG)}
-    events_file, log_file = made
+    made = {folder / (name + suffix): folder / f".{name}{suffix}.part" for suffix in (EVENTS, STATE, LOG)}
+    events_file, state_file, log_file = made
     renamed: list[Path] = []
     try:
         size = _write(made[log_file], log, max_bytes)
-        size += _write(made[events_file], (events,), max_bytes - size)
+        for file, data in ((events_file, events), (state_file, state)):
+            size += _write(made[file], (data,), max_bytes - size)
         dumps = _dumps(folder)
         while dumps and (len(dumps) >= max_dumps or size + sum(map(_bytes, dumps)) > max_bytes):
             _remove(dumps.pop(0))
-        for file, part in made.items():  # the log last: where it is, the events are
+        for file, part in made.items():  # the log last: where it is, the others are
             part.replace(file)
             renamed.append(file)
-        folder_fd = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-        try:
-            os.fsync(folder_fd)
-        finally:
-            os.close(folder_fd)
+        _sync(folder)
     except BaseException:
         for file in (*made.values(), *renamed):
             file.unlink(missing_ok=True)
         raise
+
+
+def make_folder(folder: Path) -> None:
+    """Where it is not there yet."""
+    with suppress(FileExistsError):
+        folder.mkdir(mode=0o700)
+
+
+def write_whole(file: Path, data: bytes) -> None:
+    """A file whose old content is there until the new one is. Raises OSError; then the old one is still there."""
+    make_folder(file.parent)
+    part = file.with_name(f".{file.name}.{os.getpid()}.part")
+    part.unlink(missing_ok=True)
+    try:
+        _write(part, (data,), len(data))
+        part.replace(file)
+        _sync(file.parent)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _sync(folder: Path) -> None:
+    folder_fd = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        os.fsync(folder_fd)
+    finally:
+        os.close(folder_fd)
 
 
 def _write(path: Path, chunks: Iterable[bytes], max_bytes: int) -> int:
@@ -103,3 +131,10 @@ def _bytes(dump: _Dump) -> int:
 def _remove(dump: _Dump) -> None:
     for file in dump:
         file.unlink(missing_ok=True)
+
+
+if __name__ == "__main__":
+    try:
+        write_whole(Path(sys.argv[1]), os.pread(int(sys.argv[2]), 4096, 0))
+    except OSError as error:
+        sys.exit(ERRNO + (error.errno or 0))

@@ -1,7 +1,7 @@
 """The flight recorder: the last frames in memory, written to a folder when Validity was lost, or somebody asks.
 
-A dump is a log like any other. Its replay begins with nothing of what the daemon's estimate had from before, and makes
-the daemon's own frames when that is forgotten: after PRE_ROLL_S.
+A dump is a log like any other. Its replay begins with nothing of what the daemon's estimate had from before but what
+slides had revealed, and makes the daemon's own frames when that is forgotten: after PRE_ROLL_S.
 """
 
 import math
@@ -16,6 +16,7 @@ from wrcd.core.configuration import RecorderConfig
 from wrcd.core.core import Core
 from wrcd.core.events import COLUMNS, MAX_KEPT, csv_line, csv_time
 from wrcd.core.reports import Report
+from wrcd.core.slides import kept_text
 from wrcd.recorder.dump_folder import LOG, dump_name, safe_channel_name
 from wrcd.recorder.ring import CLASSICAL_BYTES, FD_BYTES, RECEIVED, SENT, Ring
 from wrcd.recorder.writer import Child, Request, start
@@ -74,6 +75,8 @@ class Recorder:
         self._ring = Ring(math.ceil(config.seconds * (1 + SPARE_SHARE) * frames_per_s), data_bytes)
         self._changes: deque[tuple[int, str]] = deque(maxlen=MAX_KEPT)  # of Validity, by position as rows
         self._changes_told = core.events.total
+        self._states = deque([(0, kept_text(core.estimator))], MAX_KEPT)  # by position, and since when
+        self._slides = core.estimator.slides
         self._seconds = deque([0], math.ceil(config.seconds) + 1)  # where in the ring each of the last ones began
         self._second_us: int | None = None  # when the newest of them did
         self._loss = LossOfValidity([axle.adhesion.cycle_us for axle in core.config.axles])
@@ -107,6 +110,9 @@ class Recorder:
         if core.events.total != self._changes_told:
             self._changes.extend((self._ring.end, c.csv_line) for c in core.events.since(self._changes_told))
             self._changes_told = core.events.total
+        if core.estimator.slides != self._slides:
+            self._slides = core.estimator.slides
+            self._states.append((self._ring.end, kept_text(core.estimator)))
         if self._loss.look(core.reports, core.below_min_speed, now_us):
             # a clock that has stepped back holds nothing up
             held_off = self._last_us is not None and 0 <= now_us - self._last_us < HOLD_OFF_US
@@ -138,6 +144,7 @@ class Recorder:
             end=ring.end,
             data_bytes=ring.data_bytes,
             events="".join((*rows, *(row for position, row in self._changes if position > first))),
+            state=next((text for position, text in reversed(self._states) if position <= first), self._states[0][1]),
             max_dumps=config.max_files,
             max_bytes=round(config.max_mb * 1e6),
         )

@@ -18,12 +18,11 @@ from pathlib import Path
 
 from wrcd.bus.candump import format_line
 from wrcd.bus.frame import Frame
-from wrcd.recorder.dump_folder import write_dump
+from wrcd.recorder.dump_folder import ERRNO, write_dump
 from wrcd.recorder.ring import RECEIVED, SENT, Overwritten, Ring, read_ring
 
 MAX_S = 60.0  # a disk that takes longer hangs
-# The exit status of a program that failed: an errno behind ERRNO; any other: see what it wrote
-OVERWRITTEN, ERRNO = 99, 100
+OVERWRITTEN = 99  # the exit status of a program that failed; another than this or an errno: see what it wrote
 _NOT_FOR_IT = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGUSR1)  # but for the daemon
 # It stops so often for so long: where the lowest priority is not allowed or means little, the loop has the processor
 # in between. When SIGTERM waits for it, the daemon ends: there is no loop to disturb.
@@ -79,7 +78,8 @@ class Child:
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What to write: the ring's frames from position first to end, and the events as they are to stand beside them."""
+    """What to write: the ring's frames from position first to end, and the events and the state as they are to stand
+    beside them."""
 
     folder: str
     name: str
@@ -88,6 +88,7 @@ class Request:
     end: int
     data_bytes: int  # of each frame, that the ring keeps
     events: str
+    state: str
     max_dumps: int
     max_bytes: int
 
@@ -136,7 +137,7 @@ def run(ring_fd: int, request_fd: int) -> None:
     # before anything that a slow disk delays
     records = read_ring(ring_fd, r.data_bytes, r.first, r.end)
     log = chunks(lines(records, r.channel))
-    write_dump(Path(r.folder), r.name, log, r.events.encode(), r.max_dumps, r.max_bytes)
+    write_dump(Path(r.folder), r.name, log, r.events.encode(), r.state.encode(), r.max_dumps, r.max_bytes)
 
 
 def chunks(log: Iterator[str]) -> Iterator[bytes]:

@@ -12,6 +12,7 @@ from wrcd.bus.frame import Frame
 from wrcd.bus.link import Link
 from wrcd.core.core import BACKWARD_STEP_US, FORWARD_STEP_US, Core
 from wrcd.core.reports import Made
+from wrcd.recorder.kept import KeptSlides
 from wrcd.recorder.recorder import Recorder
 from wrcd.service.journal import CounterLog, log_line
 from wrcd.service.notify import Notifier
@@ -54,10 +55,11 @@ class Daemon:
         clock: Callable[[], int] = wall_us,
         steady: Callable[[], int] = steady_us,
         recorder: Recorder | None = None,
+        kept: KeptSlides | None = None,
         write: Callable[[str], None] = log_line,
     ) -> None:
         self.core, self.link = core, link
-        self._recorder = recorder
+        self._recorder, self._kept = recorder, kept
         core.health.link = link.health
         self._watch = CounterLog(core, link, write)
         self._notifier = notifier or Notifier({})
@@ -168,6 +170,8 @@ class Daemon:
         health.state = "Running" if self.link.health.up else "LinkDown"
         if self._recorder is not None:
             self._recorder.turn(now_us)
+        if self._kept is not None:
+            self._kept.turn(now_us)
         self._watch.look(now_us)
         every = self._notifier.watchdog_every_us
         if in_time and every is not None and not (0 < self._next_ping_us - now_us <= every):
@@ -201,8 +205,12 @@ class Daemon:
             try:
                 self._leave()
             finally:
-                if self._recorder is not None:
-                    self._recorder.close(self._clock())
+                try:
+                    if self._recorder is not None:
+                        self._recorder.close(self._clock())
+                finally:
+                    if self._kept is not None:
+                        self._kept.close()
 
     def _go_on(self) -> None:
         # what the start has left is not looked through again and again for garbage

@@ -14,10 +14,10 @@ import pytest
 
 from tests.support.recorded_train import RecordedTrain
 from wrcd.core.configuration import Config
-from wrcd.recorder.dump_folder import write_dump
-from wrcd.recorder.writer import ERRNO, OVERWRITTEN, PAUSE_LINES, Child, chunks
+from wrcd.recorder.dump_folder import ERRNO, write_dump
+from wrcd.recorder.writer import OVERWRITTEN, PAUSE_LINES, Child, chunks
 
-SUFFIXES = (".log", ".events.csv")
+SUFFIXES = (".log", ".events.csv", ".state.json")
 
 
 def names(folder: Path) -> list[str]:
@@ -29,14 +29,14 @@ def test_bound_of_the_folder_removes_the_oldest_dumps(tmp_path: Path) -> None:
     for name in strangers:
         (tmp_path / name).write_text("mine")
     for i in range(5):
-        write_dump(tmp_path, f"wrcd-can0-2026112{9 - i}T000000Z-asked", [b"l" * 600], b"e" * 400, 3, 10**6)
+        write_dump(tmp_path, f"wrcd-can0-2026112{9 - i}T000000Z-asked", [b"l" * 600], b"e" * 400, b"", 3, 10**6)
         assert len(list(tmp_path.glob("wrcd-*.log"))) <= 3
     kept = {f"wrcd-can0-2026112{9 - i}T000000Z-asked{s}" for i in (2, 3, 4) for s in SUFFIXES}
     assert set(names(tmp_path)) == {*kept, *strangers}  # by when they were written, not by what a clock said
-    write_dump(tmp_path, "wrcd-can1-20261130T000000Z-asked", [b"l" * 600], b"e" * 400, 3, 2500)
+    write_dump(tmp_path, "wrcd-can1-20261130T000000Z-asked", [b"l" * 600], b"e" * 400, b"", 3, 2500)
     assert len(list(tmp_path.glob("wrcd-*.log"))) == 2
     with pytest.raises(OSError, match="too large"):
-        write_dump(tmp_path, "wrcd-can1-20261131T000000Z-asked", [b"l" * 1000] * 3, b"", 3, 2500)
+        write_dump(tmp_path, "wrcd-can1-20261131T000000Z-asked", [b"l" * 1000] * 3, b"", b"", 3, 2500)
     assert len(list(tmp_path.glob("wrcd-*.log"))) == 2
     assert not [n for n in names(tmp_path) if n.endswith(".part")]
     assert strangers < set(names(tmp_path))
@@ -56,11 +56,11 @@ def test_full_disk_costs_the_oldest_dumps_and_nothing_else(tmp_path: Path, monke
     monkeypatch.setattr(os, "write", onto_the_disk)
     dumps = [f"wrcd-can0-2026112{i}T000000Z-asked" for i in range(5)]
     for name in dumps:
-        write_dump(tmp_path, name, [b"l" * 300] * 2, b"e" * 100, 20, 10**6)
+        write_dump(tmp_path, name, [b"l" * 300] * 2, b"e" * 100, b"", 20, 10**6)
     assert set(names(tmp_path)) == {*(name + suffix for name in dumps[-2:] for suffix in SUFFIXES), "notes.txt"}
     assert (tmp_path / f"{dumps[-1]}.log").read_bytes() == b"l" * 600
     with pytest.raises(OSError, match="No space left"):
-        write_dump(tmp_path, "wrcd-can0-20261130T000000Z-asked", [b"l" * 2000], b"", 20, 10**6)
+        write_dump(tmp_path, "wrcd-can0-20261130T000000Z-asked", [b"l" * 2000], b"", b"", 20, 10**6)
     assert names(tmp_path) == ["notes.txt"]
 
 
@@ -69,7 +69,7 @@ def test_dump_that_cannot_get_its_name_leaves_nothing(tmp_path: Path) -> None:
     (tmp_path / f"{name}.log").mkdir()
     (tmp_path / ".wrcd-can0-x.part").mkdir()
     with pytest.raises(IsADirectoryError):
-        write_dump(tmp_path, name, [b"log"], b"events", 9, 10**6)
+        write_dump(tmp_path, name, [b"log"], b"events", b"", 9, 10**6)
     assert names(tmp_path) == [".wrcd-can0-x.part", f"{name}.log"]
 
 
@@ -81,9 +81,9 @@ def test_symbolic_link_is_not_followed(tmp_path: Path) -> None:
     for planted in (f".{name}.log.part", f".{name}.events.csv.part", f"{name}.log", f"{name}.events.csv"):
         (folder / planted).symlink_to(victim)
     (folder / "wrcd-can0-20251121T172446Z-asked.log").symlink_to(victim)
-    write_dump(folder, name, [b"log"], b"events", 1, 10**6)
+    write_dump(folder, name, [b"log"], b"events", b"state", 1, 10**6)
     assert victim.read_text() == "precious"
-    for suffix, text in zip(SUFFIXES, ("log", "events"), strict=True):
+    for suffix, text in zip(SUFFIXES, ("log", "events", "state"), strict=True):
         made = (folder / (name + suffix)).lstat()
         assert stat.S_ISREG(made.st_mode)
         assert stat.S_IMODE(made.st_mode) == 0o600
@@ -94,7 +94,7 @@ def test_symbolic_link_is_not_followed(tmp_path: Path) -> None:
 def test_partial_file_of_a_killed_process_is_removed(tmp_path: Path) -> None:
     (tmp_path / ".wrcd-can0-20261120T000000Z-asked.log.part").write_text("half")
     (tmp_path / ".wrcd-can1-20261120T000000Z-asked.log.part").write_text("another daemon is writing this")
-    write_dump(tmp_path, "wrcd-can0-20261121T172446Z-asked", [b"log"], b"events", 1000, 1 << 30)
+    write_dump(tmp_path, "wrcd-can0-20261121T172446Z-asked", [b"log"], b"events", b"", 1000, 1 << 30)
     assert [n for n in names(tmp_path) if n.endswith(".part")] == [".wrcd-can1-20261120T000000Z-asked.log.part"]
 
 
@@ -130,7 +130,7 @@ def test_full_disk_leaves_no_file(tmp_path: Path) -> None:
         "sys.dont_write_bytecode = True\n"  # half a module would break later programs
         "resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))\n"
         "try:\n"
-        "    write_dump(Path(sys.argv[1]), 'wrcd-c-20261121T172446Z-asked', [b'l' * 9999], b'e', 9, 99999)\n"
+        "    write_dump(Path(sys.argv[1]), 'wrcd-c-20261121T172446Z-asked', [b'l' * 9999], b'e', b's', 9, 99999)\n"
         "except OSError as e:\n"
         f"    sys.exit({ERRNO} + e.errno)\n"
     )
