@@ -18,6 +18,7 @@ from wrcd.core.records import Estimate
 MOST_USED = 0.85  # of an estimate: with more in use it is known without the rules
 RISES = 1.2  # only so many times as much in use as before tells that it was asked for
 MOST_SAID = 0.7  # by a slide: a rail that changes in these seconds says as much as a bias
+ENDS = 0.9  # of what a slide shows: it ends as less is in use; else the estimate was late, and has found more
 HOLDS_S, BEFORE_S, TOGETHER_S = 0.4, 6.0, 5.0
 KEPT = 0.98  # of the weight of those before, at each
 OWN_SIGMA, OWN_SLIDES = 0.15, 6.0  # slides of vehicles as trained scatter so (log adhesion), and count for so many
@@ -66,7 +67,8 @@ class Slides:
                 a.shown += [100.0 * float(lasted[k])] if a.held_s > HOLDS_S else []
                 continue
             shown = max(a.shown, default=0.0)
-            if a.before_pct > 0.0 and a.age_s - a.held_s <= BEFORE_S and shown > RISES * a.used_pct:
+            is_young, is_asked = a.age_s - a.held_s <= BEFORE_S, shown > RISES * a.used_pct
+            if a.before_pct > 0.0 and is_young and is_asked and used < ENDS * shown:
                 self._together.append(min(max(math.log(a.before_pct / shown), -MOST_SAID), MOST_SAID))
                 a.before_pct = 0.0
             a.held_s, a.shown = 0.0, []

@@ -29,14 +29,14 @@ def design() -> Design:
 
 
 def slides(
-    count: int, bears: float, axles: int = 1, before: float = BEFORE, idle: int = 0
+    count: int, bears: float, axles: int = 1, before: float = BEFORE, idle: int = 0, after: int = 0
 ) -> tuple[FloatArray, FloatArray]:
     """z (ticks, 2, axles) and torque ratio (ticks, axles): slides on a rail that bears so much, and calm at the end;
-    idle: ticks of coasting before each slide."""
+    idle: ticks of coasting before each slide; after: ticks in which it is wet again, and as much is in use."""
     wet, sliding = track(12.0, torque_Nm=5000.0), track(4.0, curve="D", torque_Nm=4500.0)
-    z = [part for _ in range(count) for part in (wet[: CALM + idle], sliding[:SLIDE])]
+    z = [part for _ in range(count) for part in (wet[: CALM + idle], sliding[:SLIDE], wet[:after])]
     ratio = np.repeat(
-        [*(before, 1e-3, bears) * count, before], [*(CALM, idle, SLIDE) * count, 8 * PER_S]
+        [*(before, 1e-3, bears) * count, before], [*(CALM, idle, SLIDE + after) * count, 8 * PER_S]
     )  # fmt: skip
     both = np.concatenate((*z, wet[: 8 * PER_S]))
     return np.repeat(both, axles, axis=2), np.repeat(ratio[:, None], axles, axis=1)
@@ -71,6 +71,7 @@ def test_slides_that_contradict_the_estimates_before_widen_the_interval(design: 
         lambda: slides(6, 0.33),  # as was said
         lambda: slides(6, 0.12, before=0.11),  # nothing more was asked for: the rail became worse
         lambda: slides(6, 0.12, idle=7 * PER_S),  # the estimate before is too old
+        lambda: slides(6, 0.20, after=3 * PER_S),  # the rail has become better, and the estimate was late
     ],
 )
 def test_other_slides_widen_nothing(design: Design, played: Callable[[], tuple[FloatArray, FloatArray]]) -> None:

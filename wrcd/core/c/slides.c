@@ -8,6 +8,8 @@ static const double MOST_USED = 0.85; /* of an estimate: with more in use it is 
 static const double RISES = 1.2;
 static const double MOST_SAID = 0.7;  /* by a slide, a factor of two: a rail that changes in these seconds says as much as a bias */
 static const double HOLDS_S = 0.4;    /* so long a wheelset slides before its torque is what the rail bears */
+/* A slide ends as less is in use than it showed; else the estimate was late, and has found more. */
+static const double ENDS = 0.9;
 static const double BEFORE_S = 6.0;   /* the estimate is no older than that as the slide begins */
 static const double TOGETHER_S = 5.0; /* axles that slide within it tell one and the same */
 static const double KEPT = 0.98;      /* of the weight of those before, at each */
@@ -62,7 +64,8 @@ void wrcd_slides_look(wrcd_estimator *e, int axle, const wrcd_adhesion *now, dou
         s[SHOWN_PCT] = s[HELD_S] > HOLDS_S ? greater(s[SHOWN_PCT], 100.0 * lasted) : 0.0;
         return;
     }
-    if (s[BEFORE_PCT] > 0.0 && s[BEFORE_AGE_S] - s[HELD_S] <= BEFORE_S && s[SHOWN_PCT] > RISES * s[USED_PCT]) {
+    if (s[BEFORE_PCT] > 0.0 && s[BEFORE_AGE_S] - s[HELD_S] <= BEFORE_S && s[SHOWN_PCT] > RISES * s[USED_PCT]
+        && now->used_pct < ENDS * s[SHOWN_PCT]) {
         all[TOGETHER] += held(log(s[BEFORE_PCT] / s[SHOWN_PCT]), -MOST_SAID, MOST_SAID);
         all[AXLES] += 1.0;
         s[BEFORE_PCT] = 0.0;
