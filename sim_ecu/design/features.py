@@ -137,7 +137,7 @@ def _windows(job: tuple[Design, Plan, Recording, list[int], int]) -> tuple[Featu
     rng = np.random.default_rng(seed)
     n = r.z.shape[2]
     inputs, truth, nominal, decades, speeds = [], [], [], [np.zeros((0, MODELS))], [np.zeros(0)]
-    each = 1 if design.wheelset.get("bogie") is None else 2
+    each = 2 if design.is_bogie else 1
     number = first + np.arange(n)
     if each == 2 and rng.random() < ELSEWHERE:
         order = np.arange(n)

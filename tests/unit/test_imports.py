@@ -79,7 +79,7 @@ BUDGETS = {
     "wrcd/cli": 1160,
     "wrcd/config": 2668,
     "wrcd/contract": 1312,
-    "wrcd/core": 8290,
+    "wrcd/core": 8295,
     "wrcd/dbc": 3270,
     "wrcd/fit": 850,
     "wrcd/kit": 3370,

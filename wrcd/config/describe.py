@@ -41,11 +41,9 @@ def describe(c: Config) -> list[str]:
     for place, axle in enumerate(c.axles):
         out.append(f"axle {axle.number}")
         if axle.position_m is not None:
-            shares = (
-                f", shares a bogie with axle {beside[place]}" if place in beside else ", no other axle in its bogie"
-            )
-            shares *= "bogie" in d.wheelset
-            out.append(f"  {declared.POSITION.name:22} {axle.position_m:g} m along the train{shares}")
+            shares = f"shares a bogie with axle {beside[place]}" if place in beside else "no other axle in its bogie"
+            of_bogie = f", {shares}" if d.is_bogie else ""
+            out.append(f"  {declared.POSITION.name:22} {axle.position_m:g} m along the train{of_bogie}")
         out += [line for i in c.inputs if place in i.source.axles for line in _input(c, i)]
         for o in axle.sent:
             out += [] if o is None else [f"  sends                  -> {_sent(c, o)}", *_names(c, o)]

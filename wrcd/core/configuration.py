@@ -91,7 +91,7 @@ class Config:
     def bogies(self) -> tuple[tuple[int, int], ...]:
         """Places of axles that share a bogie, the leading one first: of neighbours two by two, but of those whose
         positions are known only the near ones; a lone wheelset's neighbours run on one track wherever they are."""
-        most_m = math.inf if self.design.wheelset.get("bogie") is None else MAX_WHEELBASES * self.design.wheelbase_m
+        most_m = MAX_WHEELBASES * self.design.wheelbase_m if self.design.is_bogie else math.inf
         at = [math.nan if a.position_m is None else a.position_m for a in self.axles]
         step = 2 if any(map(math.isnan, at)) else 1
         off = [abs(abs(a - b) - self.design.wheelbase_m) for a, b in itertools.pairwise(at)]

@@ -132,10 +132,14 @@ class Design:
         return int(self.Phi.shape[-1])
 
     @property
+    def is_bogie(self) -> bool:
+        """Whether its wheelsets stand in bogies."""
+        return self.wheelset.get("bogie") is not None
+
+    @property
     def wheelbase_m(self) -> float:
         """From one wheelset to the next on its track."""
-        bogie = self.wheelset.get("bogie")
-        return NEXT_WHEELSET_M if bogie is None else 2.0 * float(bogie["semi_wheelbase_m"])
+        return 2.0 * float(self.wheelset["bogie"]["semi_wheelbase_m"]) if self.is_bogie else NEXT_WHEELSET_M
 
     @property
     def sets(self) -> tuple[Sets, ...]:

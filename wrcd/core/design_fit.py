@@ -113,7 +113,7 @@ def _fit_of(axles: tuple[int, int], bogie: Any) -> DesignFit:
 def fit_members(design: Design) -> dict[str, Any]:
     """Every member of `wrcd_fit_table`; ticks 0: the design's wheelset is in no bogie, or its ticks are below 5 ms."""
     ticks, most = 8 * round(STRETCH_S / design.tick_s / 8), layouts()["fit"]["cosine"].shape[0]
-    if design.wheelset.get("bogie") is None or ticks > most:
+    if not design.is_bogie or ticks > most:
         return {"ticks": 0}
     bogie, bins = BogieConstants.of(design.wheelset), layouts()["fit"]["basis"].shape[0] // 3
     first = int(np.ceil(BAND_HZ[0] * ticks * design.tick_s))

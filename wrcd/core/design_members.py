@@ -106,7 +106,7 @@ def members(d: Design) -> dict[str, Member]:
         "health": None if d.health is None else health_members(d.health),
         "bands": band_filters(d.tick_s),
         "wheelbase_m": d.wheelbase_m,
-        "is_bogie": int(d.wheelset.get("bogie") is not None),
+        "is_bogie": int(d.is_bogie),
         "longest_wheelbase_ticks": round(wheelbase / SLOWEST_M_S),
     }
 

@@ -9,9 +9,10 @@ from typing import NamedTuple
 from wrcd.core.design import Design
 from wrcd.core.estimator import Estimator
 from wrcd.errors import InputError
+from wrcd.native import constant
 
 FORMAT = "wrcd-slides/1"
-MOST, MOST_SAID = 50.0, 0.7  # weight of all slides, and log that one says: see wrcd/core/c/slides.c
+SAYS, MOST = constant("SLIDE_SAYS"), 1.0 / (1.0 - constant("SLIDES_KEPT"))  # log of one slide, weight of all
 _ROOM = 1.0 + 1e-9  # for what rounding makes of sums
 
 
@@ -57,7 +58,7 @@ def _sums(text: str, file: Path, design: Design) -> tuple[float, float, float]:
         if kept["format"] != FORMAT:
             raise ValueError
         of, (weight, total, squares) = kept["design"], (0.0 + x for x in kept["slides"])
-        bounds = 0.0 <= weight <= MOST * _ROOM and 0.0 <= squares <= MOST_SAID**2 * weight * _ROOM
+        bounds = 0.0 <= weight <= MOST * _ROOM and 0.0 <= squares <= SAYS**2 * weight * _ROOM
         if not (bounds and total * total <= weight * squares * _ROOM and re.fullmatch("[0-9a-f]{12,64}", of)):
             raise ValueError
     except (ArithmeticError, ValueError, KeyError, TypeError, RecursionError):

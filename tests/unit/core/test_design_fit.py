@@ -301,6 +301,24 @@ def test_interval_is_wider_while_the_design_is_another_bogies(stiff: Played) -> 
         np.testing.assert_array_equal(wide._reports[name], narrow._reports[name], err_msg=name)
 
 
+@pytest.mark.parametrize(("sums", "is_wider"), [((8.0, 1.0, 0.13), False), ((8.0, 5.6, 3.92), True)])
+def test_of_what_bogie_and_slides_say_of_the_interval_the_wider_holds(
+    stiff: Played, sums: tuple[float, float, float], is_wider: bool
+) -> None:
+    """They may tell of the same bias."""
+    both, unlike = deepcopy(stiff.core), deepcopy(stiff.core)
+    slides = deepcopy(stiff.core)
+    slides._train.state["bogie_state"]["verdict"] = UNSURE
+    for core in (both, slides):
+        core.estimator.take_slides(sums)
+        assert core.estimator.slides[3] > 0.0
+    for core in (both, unlike, slides):
+        core.feed(stiff.frames[-400:])
+    widths = [core._reports["estimate"]["half_width_pp"] for core in (both, unlike, slides)]
+    np.testing.assert_allclose(widths[0], np.maximum(*widths[1:]))
+    np.testing.assert_allclose(widths[0], widths[2 if is_wider else 1])
+
+
 def test_copy_of_the_core_goes_on_alike(stiff: Played) -> None:
     one, twin = deepcopy(stiff.core), deepcopy(stiff.core)
     assert twin.design_fits == stiff.core.design_fits

@@ -133,6 +133,9 @@ static inline bool wrcd_is_steady(const wrcd_adhesion *a)
 }
 
 /* slides.c */
+/* A slide says at most a factor of two: a rail that changes in these seconds says as much as a bias. At each those before keep so
+ * much of their weight. */
+static const double SLIDE_SAYS = 0.7, SLIDES_KEPT = 0.98;
 enum { BEFORE_PCT, USED_PCT, BEFORE_AGE_S, HELD_S, SHOWN_PCT };            /* of an axle's slide: the estimate before, what was in use */
 enum { SLIDES, SUM, SQUARES, BIAS, AXLES, TOGETHER, TOGETHER_AGE_S };      /* of all: sums of log (before / shown); those not yet in */
 void wrcd_slides_look(wrcd_estimator *e, int axle, const wrcd_adhesion *now, double lasted, double step_s);

@@ -6,13 +6,11 @@
 static const double MOST_USED = 0.85; /* of an estimate: with more in use it is known without the rules */
 /* Only so many times as much in use as before tells that the driver asked for it; else the rail may have become worse. */
 static const double RISES = 1.2;
-static const double MOST_SAID = 0.7;  /* by a slide, a factor of two: a rail that changes in these seconds says as much as a bias */
 static const double HOLDS_S = 0.4;    /* so long a wheelset slides before its torque is what the rail bears */
 /* A slide ends as less is in use than it showed; else the estimate was late, and has found more. */
 static const double ENDS = 0.9;
 static const double BEFORE_S = 6.0;   /* the estimate is no older than that as the slide begins */
 static const double TOGETHER_S = 5.0; /* axles that slide within it tell one and the same */
-static const double KEPT = 0.98;      /* of the weight of those before, at each */
 /* Slides of vehicles as trained scatter so (log adhesion); that counts for so many slides. */
 static const double OWN_SIGMA = 0.15, OWN_SLIDES = 6.0;
 static const double LEAST = 3.5, SURE = 3.0; /* weight of the slides, and standard errors, from which on a bias counts */
@@ -29,9 +27,9 @@ static void sum_up(double s[WRCD_OF_SLIDES])
 {
     const double of = s[TOGETHER] / s[AXLES];
 
-    s[SLIDES] = KEPT * s[SLIDES] + 1.0;
-    s[SUM] = KEPT * s[SUM] + of;
-    s[SQUARES] = KEPT * s[SQUARES] + of * of;
+    s[SLIDES] = SLIDES_KEPT * s[SLIDES] + 1.0;
+    s[SUM] = SLIDES_KEPT * s[SUM] + of;
+    s[SQUARES] = SLIDES_KEPT * s[SQUARES] + of * of;
     s[AXLES] = s[TOGETHER] = s[TOGETHER_AGE_S] = 0.0;
     judge(s);
 }
@@ -66,7 +64,7 @@ void wrcd_slides_look(wrcd_estimator *e, int axle, const wrcd_adhesion *now, dou
     }
     if (s[BEFORE_PCT] > 0.0 && s[BEFORE_AGE_S] - s[HELD_S] <= BEFORE_S && s[SHOWN_PCT] > RISES * s[USED_PCT]
         && now->used_pct < ENDS * s[SHOWN_PCT]) {
-        all[TOGETHER] += held(log(s[BEFORE_PCT] / s[SHOWN_PCT]), -MOST_SAID, MOST_SAID);
+        all[TOGETHER] += held(log(s[BEFORE_PCT] / s[SHOWN_PCT]), -SLIDE_SAYS, SLIDE_SAYS);
         all[AXLES] += 1.0;
         s[BEFORE_PCT] = 0.0;
     }
