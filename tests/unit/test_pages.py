@@ -18,10 +18,12 @@ from pathlib import Path
 
 import pytest
 
+from sim_ecu.cli.main import main as rig
 from tests.support.own_network import BUS, own_network
 from tests.support.pages import ROOT, Block, blocks, pages
 from tests.support.processes import BIN
 from tests.support.tools import missing
+from wrcd.cli.main import main
 
 TIMEOUT_S = 300  # of a page, on a busy computer
 END_S = 10  # for what it leaves in the background
@@ -169,3 +171,18 @@ def test_no_comment_in_a_page_speaks_to_a_program_but_skip() -> None:
     for name in NAMES:
         comments = re.findall(r"<!-- (.+?) -->", (ROOT / name).read_text(encoding="utf-8"), re.DOTALL)
         assert [c for c in comments if not c.startswith("skip: ")] == [], name
+
+
+def test_readme_shows_what_the_command_prints(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Of `wrcd why` the first lines."""
+    shown = re.search(
+        r"^wrcd why leaf\.log 9\.3\n```\n\n```text\n(.*?)^```$",
+        (ROOT / "README.md").read_text(),
+        re.MULTILINE | re.DOTALL,
+    )
+    assert shown
+    log = str(tmp_path / "leaf.log")
+    assert rig(["play", "leaf-patch", "--fast", "--log", log]) == 0
+    capsys.readouterr()
+    assert main(["why", log, "9.3"]) == 0
+    assert capsys.readouterr().out.startswith(shown[1])
