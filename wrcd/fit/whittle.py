@@ -38,6 +38,7 @@ _OF_RESPONSE = OF_VEHICLE + len(SENSOR_SIGMA)
 _LATE, _SPEED_SCALE, _INCOHERENCE = (UNKNOWNS.index(name) for name in ("late", "speed_scale", "incoherence"))
 _NOISES = slice(_OF_RESPONSE, _INCOHERENCE)
 NOISE, INCOHERENCE = np.array([3e-4, 0.01, 3e-4, 0.01]), 0.03
+LEAST_POWER = (1e-3 * NOISE) ** 2  # of a channel, which may be none: a signal that stands still
 # Logs: of the creep force's secant about a rail between damp and dry, of the slope over it, of a bin's power about a
 # curve of second order over the log of the wave number. The secant's is wide: all blocks together would tell the scale
 # of all stiffnesses and masses by what is a guess.
@@ -174,7 +175,7 @@ class BogieFit:
     def _least_squares(self, H: ComplexArray) -> FloatArray:
         """Powers (B, F, 2) to begin with, the channels in units of their own level."""
         R = self.blocks.cross
-        unit = 1 / np.sqrt(np.einsum("bfii->bfi", R).real)
+        unit = 1 / np.sqrt(np.maximum(np.einsum("bfii->bfi", R).real, LEAST_POWER))
         H, R = H * unit[..., None], R * unit[..., None] * unit[..., None, :]
         both = np.abs(H.conj().swapaxes(2, 3) @ H) ** 2
         seen = np.einsum("bfik,bfij,bfjk->bfk", H.conj(), R, H).real
