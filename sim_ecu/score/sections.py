@@ -287,5 +287,5 @@ _SUITES: dict[str, Callable[[Mapping[str, Any]], Shown]] = {
     "long": _sound("some of the grid's conditions for longer"),
     "canted": _sound("through curves each way with what the cant does not balance"),
     "peak": _sound("all of the rail in use throughout"),
-    "slow": _variants("coasting, and below the grid's speeds, mems sensors"),
+    "slow": _variants("coasting, below the grid's speeds, and stops by full service, mems sensors"),
 }  # fmt: skip

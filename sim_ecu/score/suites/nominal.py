@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sim_ecu.design.train_worlds import BRAKES_M_S2
 from sim_ecu.physics.axlebox import QUIET, AxleBox
 from sim_ecu.physics.contact import CURVES, CreepCurve, curve_between
 from sim_ecu.physics.sensors import SENSOR_SETS, SensorSet
@@ -213,4 +214,20 @@ SLOW = (
     Variant("3 to 10 m/s", speeds=(3.2, 10.0)),
 )
 harsh = varied("harsh", HARSH, 10, 30)
-slow = varied("slow", SLOW, 14, 50)
+SLOW_RUNS, SLOW_FIRST = 14, 50
+# Stops by full service, of which each plays a band of speed at its end: what is quiet there was loud just before.
+STOP_M_S, STOP_BANDS_M_S = 25.0, ((12.0, 8.0), (8.0, 5.0), (5.0, 3.2))
+
+
+def slow(w: Wheelset, scale: float, lot: Lot = TEST) -> Iterator[Run]:
+    """Coasting, below the grid's speeds, and down to a walking pace."""
+    yield from varied("slow", SLOW, SLOW_RUNS, SLOW_FIRST)(w, scale, lot)
+    braked = drive("torque_N_m", (0.0, 0.0), (1.0, -BRAKES_M_S2 * w.M_v * w.r_0))
+    for high, low in STOP_BANDS_M_S:
+        variant = Variant(f"stops, {high:g} to {low:g} m/s", speeds=(STOP_M_S, STOP_M_S), ramp_m_s2=-BRAKES_M_S2)
+        for n in spread(scale, SLOW_RUNS, SLOW_FIRST + len(SLOW)):
+            run = condition("slow", w, n, variant, (STOP_M_S - low) / BRAKES_M_S2, lot)
+            axles = tuple(replace(a, drive=braked) for a in run.scenario.axles)
+            yield replace(
+                run, scenario=replace(run.scenario, axles=axles), judged_from_s=(STOP_M_S - high) / BRAKES_M_S2
+            )

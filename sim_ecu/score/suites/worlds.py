@@ -21,7 +21,7 @@ from sim_ecu.physics.track import SPECTRA, Spectrum
 from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.scenario import AxleScenario, Course, DriveCourse, Scenario, positions_m
 from sim_ecu.play.vehicles import load_vehicle
-from sim_ecu.score.suites.nominal import FRICTIONS, GOLDEN, RUN_S, spread
+from sim_ecu.score.suites.nominal import FRICTIONS, GOLDEN, RUN_S, STOP_M_S, spread
 from sim_ecu.score.suites.run import (
     AXLES,
     SPEEDS,
@@ -39,7 +39,7 @@ from sim_ecu.score.suites.run import (
 AS_TRAINED, WIDER, UNSEEN, TABLE = "as trained", "wider", "unseen", "for the table"  # families; the last has no goals
 WORLD_RUNS = 20  # of each world: enough that more than ten of them are below half of the rail in use
 TABLE_RUNS = 8
-STOP_M_S, STOP_S = 25.0, 18.0  # from where full service brakes, and how long: to a walking pace
+STOP_S = 18.0  # of full service: to a walking pace
 CALM_M_S, CALM_S, RAMP_S = (20.0, 26.0, 32.0, 14.0), 90.0, 10.0
 COASTING = 0.05  # of the full service brake, before a stop
 COASTING_M_S = (16.0, 28.0)
