@@ -72,9 +72,12 @@ FLOOR = 0.02  # of the noise's power
 YAW, LAT = range(CHANNELS)
 ACROSS = ((YAW, YAW), (LAT, LAT), (YAW, LAT), (LAT, YAW))  # own signal, partner's
 # Of a tick, (SUMS, n): whether it is used; powers of the fourth differences; the signals, and their squares; powers of
-# the bands; products of the two; powers of the partner's; own and partner's, a wheelbase ago, and the other way round.
-_AT = np.cumsum([0, 1, *[CHANNELS] * 3, BANDS * CHANNELS, BANDS, BANDS * CHANNELS, 2 * len(ACROSS) * BANDS])
-USED, FINE, PLAIN, SQUARE, POWER, CROSS, THEIRS, APART = (slice(int(a), int(b)) for a, b in itertools.pairwise(_AT))
+# the bands; products of the two; the same, one of them a wheelbase ago; powers of the partner's; own and partner's, a
+# wheelbase ago, and the other way round; own gyro with the partner's accelerometer now, and the other way round.
+_AT = np.cumsum([0, 1, *[CHANNELS] * 3, *[BANDS * k for k in (CHANNELS, 1, 2, CHANNELS, 2 * len(ACROSS), 2)]])
+USED, FINE, PLAIN, SQUARE, POWER, CROSS, APART, THEIRS, PARTNER, NOW = (
+    slice(int(a), int(b)) for a, b in itertools.pairwise(_AT)
+)
 SUMS = int(_AT[-1])
 
 
@@ -134,7 +137,10 @@ class Bands:
         apart = [own[:, c] * theirs_before[:, d] for c, d in ACROSS] + [
             theirs[:, d] * own_before[:, c] for c, d in ACROSS
         ]
-        parts = (used[None], fine * fine, x, x * x, own * own, own[:, YAW] * own[:, LAT], theirs * theirs, apart)
+        own_apart = own[:, YAW] * own_before[:, LAT], own_before[:, YAW] * own[:, LAT]
+        swapped = own[:, YAW] * theirs[:, LAT], own[:, LAT] * theirs[:, YAW]
+        of_pair = own * own, own[:, YAW] * own[:, LAT], own_apart
+        parts = (used[None], fine * fine, x, x * x, *of_pair, theirs * theirs, apart, swapped)
         return np.concatenate([np.reshape(part, (-1, len(used))) for part in parts])
 
 
@@ -153,6 +159,6 @@ def columns(sums: FloatArray, partner_counts: BoolArray) -> FloatArray:
     own, theirs = (sums[at].reshape(BANDS, CHANNELS, -1) + FLOOR * ticks for at in (POWER, THEIRS))
     cross = sums[CROSS] / np.sqrt(own[:, YAW] * own[:, LAT])
     across = np.array([own[:, c] * theirs[:, d] for c, d in (*ACROSS, *ACROSS)])
-    apart = np.where(partner_counts, sums[APART] / np.sqrt(across.reshape(sums[APART].shape)), 0.0)
+    apart = np.where(partner_counts, sums[PARTNER] / np.sqrt(across.reshape(sums[PARTNER].shape)), 0.0)
     powers = np.log10(own / ticks).reshape(BANDS * CHANNELS, -1)
     return np.concatenate((powers, np.clip(np.concatenate((cross, apart)), -1.0, 1.0))).T

@@ -20,7 +20,7 @@ MOST = 5.0  # standard deviations of a feature
 SOUND_ALONE = np.r_[0.0, np.full(len(PairState) - 1, -CERTAIN)]  # where nothing is judged
 MIN_RATIO, MIN_SPEED_M_S = 0.003, 1.0
 OWN = BANDS * CHANNELS + BANDS + 2 * CHANNELS
-FEATURES = OWN + len(SPANS) * (OWN + 8 * BANDS + GIVEN) + 2 + GIVEN
+FEATURES = OWN + len(SPANS) * (OWN + 8 * BANDS + GIVEN) + 2 + GIVEN + len(SPANS) * 4 * BANDS
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +28,9 @@ class PairMeans:
     """Means of one pair's signals over a span or longer (…, n): powers (BANDS, 2, n) of the bands, products (BANDS, n)
     of the two; of_partner (2, 4, BANDS, n): gyro with gyro, accelerometer with accelerometer, gyro with the partner's
     accelerometer, accelerometer with its gyro, the partner's a wheelbase ago, and the own ones; partner (BANDS, 2, n)
-    its powers. All 0 where there is no partner. inputs (GIVEN, n): what the rules were given."""
+    its powers. All 0 where there is no partner. inputs (GIVEN, n): what the rules were given. apart (2, BANDS, n): gyro
+    with accelerometer of a wheelbase ago, and the other way round; now (2, BANDS, n): gyro with the partner's
+    accelerometer, accelerometer with its gyro."""
 
     power: FloatArray
     cross: FloatArray
@@ -37,6 +39,8 @@ class PairMeans:
     of_partner: FloatArray
     partner: FloatArray
     inputs: FloatArray
+    apart: FloatArray
+    now: FloatArray
 
     def joined(self) -> FloatArray:
         """(rows, n)."""
@@ -53,6 +57,7 @@ def split(rows: FloatArray) -> PairMeans:
 
 SHAPES = (
     (BANDS, CHANNELS), (BANDS,), (CHANNELS,), (CHANNELS,), (2, 4, BANDS), (BANDS, CHANNELS), (GIVEN,),
+    (2, BANDS), (2, BANDS),
 )  # fmt: skip
 ROWS = sum(math.prod(shape) for shape in SHAPES)
 
@@ -68,9 +73,11 @@ def rows_of(sums: FloatArray, their_ticks: FloatArray, inputs: FloatArray) -> Pa
         cross=sums[bands.CROSS] / ticks,
         fine=sums[bands.FINE] / ticks,
         variance=sums[bands.SQUARE] / ticks - mean * mean,
-        of_partner=np.where(counts, sums[bands.APART] / np.sqrt(ticks * theirs), 0.0).reshape(2, 4, BANDS, -1),
+        of_partner=np.where(counts, sums[bands.PARTNER] / np.sqrt(ticks * theirs), 0.0).reshape(2, 4, BANDS, -1),
         partner=np.where(counts, sums[bands.THEIRS] / theirs, 0.0).reshape(BANDS, CHANNELS, -1),
         inputs=np.where(np.isfinite(inputs), inputs, 0.0).T[:GIVEN],
+        apart=(sums[bands.APART] / ticks).reshape(2, BANDS, -1),
+        now=np.where(counts, sums[bands.NOW] / np.sqrt(ticks * theirs), 0.0).reshape(2, BANDS, -1),
     )
 
 
@@ -90,6 +97,14 @@ def _with_partner(r: PairMeans) -> FloatArray:
     return np.asarray((r.of_partner / np.sqrt(mine * theirs)).reshape(-1, r.cross.shape[1]))
 
 
+def _of_wires(r: PairMeans) -> FloatArray:
+    """(4 BANDS, n): correlations of own signals a wheelbase apart, and with the partner's of the same moment."""
+    own, their = r.power + FLOOR, r.partner + FLOOR
+    apart = r.apart / np.sqrt(own[:, YAW] * own[:, LAT])
+    now = r.now / np.sqrt(np.stack((own[:, YAW] * their[:, LAT], own[:, LAT] * their[:, YAW])))
+    return np.concatenate((apart, now)).reshape(4 * BANDS, -1)
+
+
 def features(newest: PairMeans, means: list[PairMeans], speed_m_s: float, ratio: FloatArray) -> FloatArray:
     """(n, FEATURES): of the newest span and of the longer means."""
     n = len(ratio)
@@ -98,7 +113,7 @@ def features(newest: PairMeans, means: list[PairMeans], speed_m_s: float, ratio:
         parts += [_own(mean), _with_partner(mean), mean.inputs]
     speed = np.full((1, n), math.log10(max(speed_m_s, MIN_SPEED_M_S)))
     torque = np.log10(np.maximum(np.where(np.isfinite(ratio), ratio, 0.0), MIN_RATIO))[None]
-    return np.concatenate((*parts, speed, torque, newest.inputs)).T
+    return np.concatenate((*parts, speed, torque, newest.inputs, *map(_of_wires, means))).T
 
 
 class PairHealth:
@@ -128,8 +143,12 @@ class PairHealth:
     @property
     def state(self) -> IntArray:
         """(n,): the PairState that leads where a pair is not more likely sound than not."""
-        p = self.probabilities()
-        return np.where(p[:, PairState.SOUND] < 0.5, p[:, 1:].argmax(axis=1) + 1, PairState.SOUND)
+        return np.where(self.probabilities()[:, PairState.SOUND] < 0.5, self._lead, PairState.SOUND)
+
+    @property
+    def _lead(self) -> IntArray:
+        """(n,): the PairState that leads beside a sound pair."""
+        return np.asarray(self.log_odds[:, 1:].argmax(axis=1) + 1)
 
     @property
     def partner_sound(self) -> BoolArray:
@@ -144,8 +163,9 @@ class PairHealth:
         ticks = sums[bands.USED][0]
         known = (ticks >= MIN_SHARE * SPAN_TICKS) & goes_on
         if self._model is not None and known.any():
-            # a partner counts that has data and is not doubted itself
-            counts = known[self._partner] & self.partner_sound
+            # a partner counts that has data and is not doubted itself, or only to be another axle's
+            swapped = self._lead == PairState.OTHER_AXLE
+            counts = known[self._partner] & (self.partner_sound | (swapped[self._partner] & ~self._alone))
             newest = rows_of(sums, np.where(counts, ticks[self._partner], 0.0), inputs)
             self._rows = np.where(known, np.concatenate((newest.joined()[None], self._rows[:-1])), self._rows)
             self._held = np.minimum(self._held + known, SPANS[-1])

@@ -13,7 +13,7 @@ from wrcd.core.terms import BLOCK_TICKS, CHANNELS, COLUMNS, MODELS
 from wrcd.native import library
 
 W = MODELS * CHANNELS
-SUMS, IN_BANDS = 106, 46
+SUMS, IN_BANDS = 118, 58
 N, HEARD, LIVE, RATIO, RATIO_N = 0, 1, 2, 41, 42
 _double, _bool, _int, _long, _pointer = ctypes.c_double, ctypes.c_bool, ctypes.c_int, ctypes.c_int64, ctypes.c_void_p
 
@@ -225,7 +225,8 @@ def fuse(
 
 class Pairs(Part):
     """What pairs of sensors say. total (axles, IN_BANDS): all that came into the axles' rows, in the order of parts.h:
-    ticks, fine [2], plain [2][2], own power [3][2], cross [3], the partner's power [3][2], across [2][4][3]."""
+    ticks, fine [2], plain [2][2], own power [3][2], cross [3], apart [2][3], the partner's power [3][2], across
+    [2][4][3], now [2][3]."""
 
     def __init__(self, axles: int, design: Design | None = None) -> None:
         super().__init__(axles, design)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tests.support.config_texts import AXLE, VEHICLE
+from tests.support.lone_wheelset import LONE_DESIGN
 from wrcd import resources
 from wrcd.bus.units import Quantity
 from wrcd.checksum import checksum
@@ -17,6 +18,8 @@ from wrcd.config.describe import describe
 from wrcd.core.configuration import Config
 from wrcd.core.core import Core
 from wrcd.core.design import load_design
+from wrcd.core.estimator import evidence
+from wrcd.core.terms import MAX_FEATURE, PAIR_FEATURES
 from wrcd.errors import InputError
 
 ROOT = Path(__file__).parents[2]
@@ -166,6 +169,7 @@ DAMAGE = {
     "interval.speeds_m_s": lambda d: d["interval"]["speeds_m_s"].reverse(),
     "health.middle": lambda d: d["health"]["middle"].pop(),
     "health.scale": lambda d: d["health"]["scale"].__setitem__(0, 0.0),
+    "health.scale: must be finite numbers of shape (170,)": lambda d: d["health"].update(scale=[1.0] * 194),
     "health.prior": lambda d: d["health"]["prior"].__setitem__(1, 1e-8),
     "health.out_bias": lambda d: d["health"]["out_bias"].pop(),
     "health.states": lambda d: d["health"]["states"].reverse(),
@@ -209,6 +213,26 @@ def test_design_of_the_format_before_says_what_it_said_and_moves_with_no_column_
         np.testing.assert_array_equal(getattr(before, name)[..., :27], getattr(now, name)[..., :27])
         assert not getattr(before, name)[..., 27:].any()
         assert getattr(now, name)[..., 27:].any()
+
+
+def test_design_whose_pairs_are_judged_by_the_features_of_before_judges_them_as_before(tmp_path: Path) -> None:
+    document, now = json.loads(LONE_DESIGN.read_text()), load_design(LONE_DESIGN)
+    for key in ("middle", "scale", "hidden"):
+        assert len(document["health"][key]) == PAIR_FEATURES
+        document["health"][key] = document["health"][key][:170]
+    document["checksum"] = checksum(document)
+    (tmp_path / "design.json").write_text(json.dumps(document))
+    before = load_design(tmp_path / "design.json").health
+    assert before is not None
+    assert now.health is not None
+    x = np.random.default_rng(1).standard_normal((5, PAIR_FEATURES))
+    h = {
+        k: np.array(v, dtype=float) for k, v in document["health"].items() if k in ("middle", "scale", "hidden", "out")
+    }
+    z = np.clip((x[:, :170] - h["middle"]) / h["scale"], -MAX_FEATURE, MAX_FEATURE)
+    out = np.tanh(z @ h["hidden"] + before.hidden_bias) @ h["out"] + before.out_bias
+    np.testing.assert_allclose(evidence(before, x), out - out[:, :1], atol=1e-9)
+    assert not np.allclose(evidence(now.health, x), evidence(before, x))
 
 
 @pytest.mark.parametrize("content", ["", "[]", "3", "{", '{"format": "wrcd-design/2"}', "\x00"])

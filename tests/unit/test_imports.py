@@ -59,27 +59,27 @@ FLOORS = (
     {"wrcd/bus", "wrcd/fit"},
     {"wrcd", "sim_ecu"},  # errors, resources, checksum, progress
 )
-# Lines of a room at most, of every language: what it had when this was written, and 3 %. sim_ecu/design has more, for
-# what is planned. To raise one, name in CHANGELOG.md the user who asked for what needs it.
+# Lines of a room at most, of every language: what it had when this was written, and 3 %. To raise one, name in
+# CHANGELOG.md the user who asked for what needs it.
 BUDGETS = {
     "examples": 416,
     "sim_ecu": 8,
     "sim_ecu/campaign": 1330,
     "sim_ecu/cli": 760,
-    "sim_ecu/design": 5445,
+    "sim_ecu/design": 3700,
     "sim_ecu/jobs": 367,
     "sim_ecu/loop": 3214,
     "sim_ecu/physics": 2442,
     "sim_ecu/play": 3800,
     "sim_ecu/reporting": 264,
-    "sim_ecu/score": 4010,
+    "sim_ecu/score": 4025,
     "systemd": 593,
     "wrcd": 261,
     "wrcd/bus": 2710,
     "wrcd/cli": 1160,
     "wrcd/config": 2668,
     "wrcd/contract": 1312,
-    "wrcd/core": 8295,
+    "wrcd/core": 8340,
     "wrcd/dbc": 3270,
     "wrcd/fit": 850,
     "wrcd/kit": 3370,

@@ -19,6 +19,7 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 FORMAT, BEFORE = "wrcd-design/5", "wrcd-design/4"
+FEATURES_BEFORE = 170  # that pairs are judged by in a design of before: the first ones
 COLUMNS_BEFORE = 27  # that rules of the format before are given: the first ones; by the others nothing moves
 NEXT_WHEELSET_M = 2.5  # where the design names no bogie
 HALF_WHEELBASES_M = 0.1, 10.0  # least and most
@@ -375,7 +376,9 @@ def _interval(r: _Reader) -> IntervalModel:
 
 
 def _health(r: _Reader) -> HealthModel:
-    f, s, bias = PAIR_FEATURES, len(PairState), r.array("health.hidden_bias", -1)
+    s, bias = len(PairState), r.array("health.hidden_bias", -1)
+    given = {len(r.array(f"health.{key}", -1)) for key in ("middle", "scale")}
+    f = FEATURES_BEFORE if FEATURES_BEFORE in given else PAIR_FEATURES
     r.are("health.states", tuple(x.words for x in PairState))
     scale, prior, temper = (r.array(f"health.{key}", n) for key, n in (("scale", f), ("prior", s), ("temper", s)))
     if not (scale > 0.0).all():
@@ -386,10 +389,20 @@ def _health(r: _Reader) -> HealthModel:
         raise r.error("health.prior", f"must be positive, and within e^±{CERTAIN:g} of that of a sound pair")
     h = len(bias)
     return HealthModel(
-        r.array("health.middle", f), scale, r.array("health.hidden", f, h), bias, r.array("health.out", h, s),
+        _all_features(r.array("health.middle", f), 0.0), _all_features(scale, 1.0),
+        _all_features(r.array("health.hidden", f, h), 0.0), bias, r.array("health.out", h, s),
         r.array("health.out_bias", s), temper, np.log(prior / prior[0]), r.number("health.kept", 0.0, 1.0),
         r.number("health.hazard", 0.0, 0.1),
     )  # fmt: skip
+
+
+def _all_features(a: FloatArray, other: float) -> FloatArray:
+    """An array whose first axis goes by the features that pairs are judged by; of a design of before, with others by
+    which nothing moves."""
+    out = np.full((PAIR_FEATURES, *a.shape[1:]), other)
+    out[: len(a)] = a
+    out.setflags(write=False)
+    return out
 
 
 def _check(d: Design, r: _Reader) -> None:

@@ -25,7 +25,7 @@ SWING = slice(_whole("SWING"), _whole("SWING") + 2)
 BLOCK_TICKS = _whole("BLOCK_TICKS")  # a window's length goes by these
 SPAN_TICKS = _whole("SPAN_TICKS")  # from one look at the pairs of sensors to the next
 # What tells a pair's states: of its own signals (PAIR_OWN), of the newest span and of two longer means; of those with
-# its partner's; speed and torque; and what the rules were given.
+# its partner's; speed and torque; what the rules were given; and correlations that swapped wires give.
 PAIR_FEATURES, PAIR_OWN = _whole("PAIR_FEATURES"), _whole("PAIR_OWN")
 MAX_FEATURE = constant("MAX_FEATURE")  # standard deviations
 CERTAIN = constant("CERTAIN")  # log odds of a pair's state: no more than this is kept

@@ -95,7 +95,7 @@ def operations(design: Design, axles: int) -> Mapping[str, str]:
     s, rules = design.states, len(design.rules)
     bank = MODELS * (s + 2) * (s + 4)
     filters = 5 * (8 * len(design.lowpass) + len(design.highpass)) + 8 * 6 + 60  # and the gate, the window's sums
-    bands = 0 if design.form == "paper" else 2 * 3 * 5 + 3 * (2 + 2 + 1 + 8)
+    bands = 0 if design.form == "paper" else 2 * 3 * 5 + 3 * (2 + 2 + 3 + 8 + 2)
     # the window's sums, the rules, of which two sets of each input hold at once, and what those say
     asked = 9 * SUMS + INPUTS * rules + 2**INPUTS * 2 * (COLUMNS + 1) + 2 * COLUMNS
     hidden = 0 if design.health is None else len(design.health.hidden_bias)

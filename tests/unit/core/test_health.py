@@ -129,16 +129,20 @@ def test_what_was_found_stays_while_there_is_no_data() -> None:
     np.testing.assert_array_equal(odds(wrong), before)
 
 
-@pytest.mark.parametrize("case", ["sound", "doubted", "silent", "none"])
+@pytest.mark.parametrize("case", ["sound", "swapped", "doubted", "silent", "none"])
 def test_partner_counts_that_has_data_and_is_not_doubted(case: str) -> None:
     z = np.concatenate([signals(960, 1.0)] * (1 if case == "none" else 2), axis=2)
     n = z.shape[2]
     pairs = pairs_of(n, replace(model(kept=1.0), temper=np.zeros(STATES)))
     if case == "doubted":
         pairs.state["log_odds"][1, PairState.LATE] = CERTAIN
+    if case == "swapped":  # both are accused, and what speaks for it is in the other's signals
+        pairs.state["log_odds"][1, PairState.OTHER_AXLE] = CERTAIN
     looked(pairs, z, [True, case != "silent"][:n])
-    of_partner = pairs.estimator.features()[0, 2 * PAIR_OWN :][:24]  # of the shorter mean, after its own
-    assert of_partner.any() == (case == "sound")
+    features = pairs.estimator.features()[0]
+    of_partner, now = features[2 * PAIR_OWN :][:24], features[-6:]  # of the shorter mean, after its own; of the longer
+    assert of_partner.any() == now.any() == (case in ("sound", "swapped"))
+    assert features[-12:-6].any()  # own signals a wheelbase apart need none
 
 
 def test_sums_that_are_no_numbers_move_no_odds() -> None:

@@ -14,7 +14,8 @@ from wrcd.core.terms import COLUMNS
 
 TICK_S, SPEED, WHEELBASE_TICKS = 0.005, 25.0, 20
 NOISE = np.array([3e-4, 0.01])
-FINE, POWER, CROSS, THEIRS, ACROSS = slice(1, 3), slice(7, 13), slice(13, 16), slice(16, 22), slice(22, 46)
+FINE, POWER, CROSS, APART = slice(1, 3), slice(7, 13), slice(13, 16), slice(16, 22)
+THEIRS, ACROSS, NOW = slice(22, 28), slice(28, 52), slice(52, 58)
 
 
 def pairs_of(axles: int) -> Pairs:
@@ -87,6 +88,25 @@ def test_signals_of_two_axles_are_compared_a_wheelbase_apart() -> None:
     expected = np.zeros((2, 2, 4))
     expected[1, 0, 3] = expected[0, 1, 2] = 6.0
     assert across == pytest.approx(expected, rel=0.15, abs=0.6)
+
+
+def test_a_late_signal_and_swapped_wires_are_in_products_of_their_own() -> None:
+    later = WHEELBASE_TICKS
+    rng = np.random.default_rng(6)
+    late, swapped = rng.standard_normal((2, 6000 + later))
+    z = NOISE[:, None] * rng.standard_normal((6000, 2, 2))
+    z[:, 0, 0] += 3.0 * NOISE[0] * late[:-later]  # the first axle's gyro comes a wheelbase later than its accelerometer
+    z[:, 1, 0] += 2.0 * NOISE[1] * late[later:]
+    z[:, 0, 1] += 3.0 * NOISE[0] * swapped[later:]  # the second one's gyro goes with the first one's accelerometer
+    z[:, 1, 0] += 2.0 * NOISE[1] * swapped[later:]
+    pairs = pairs_of(2)
+    pairs.look(SPEED, np.zeros(2), np.zeros((2, COLUMNS)))
+    for row in z:
+        pairs.step(row, [True, True])
+    mean = pairs.total / len(z)
+    apart, now = (mean[:, at].reshape(2, 2, 3)[..., 2] for at in (APART, NOW))  # axle, way, of the highest band
+    assert apart == pytest.approx(np.array([[6.0, 0.0], [0.0, 0.0]]), rel=0.15, abs=0.6)
+    assert now == pytest.approx(np.array([[0.0, 6.0], [6.0, 0.0]]), rel=0.15, abs=0.6)
 
 
 def test_reset_axle_beside_a_running_one_begins_as_a_new_one() -> None:

@@ -11,6 +11,7 @@ from sim_ecu.design.pairs import (
     COVERS,
     INTERVAL_SPEEDS,
     LEAST,
+    MARGINS,
     PARTNERS,
     WIDER,
     WIDER_COASTING,
@@ -140,3 +141,6 @@ def test_evidence_counts_as_far_as_sound_pairs_stay_unaccused() -> None:
     x[:, : max(2 * len(PARTNERS), round(10 * ACCUSED * 400)), 0] = 1.0
     misled = tempers([(model, [watched(x, np.zeros((100, 400)))])])[PairState.REVERSED]
     assert 0.0 <= misled < honest
+    out[0, PairState.ACCEL_DEAD] = 4.0  # alike, and of it less counts
+    both = tempers([(model, [watched(-np.ones((100, 400, PAIR_FEATURES)), np.zeros((100, 400)))])])
+    assert both[PairState.ACCEL_DEAD] == pytest.approx(MARGINS[PairState.ACCEL_DEAD] * both[PairState.REVERSED])

@@ -63,16 +63,20 @@ void wrcd_bands_step(wrcd_estimator *e, const wrcd_design *d, int axle, const do
     a->pair_goes_on = used ? 1.0 : 0.0;
 }
 
-static void sum_own(double *row, const double *now)
+/* An axle's powers and products; of the two signals also with one of them of a wheelbase ago. */
+static void sum_own(double *row, const double *now, const double *then)
 {
-    for (int k = 0; k < BANDS; k++, now += CHANNELS) {
+    for (int k = 0; k < BANDS; k++, now += CHANNELS, then += CHANNELS) {
         for (int c = 0; c < CHANNELS; c++)
             row[OWN_POWER + 2 * k + c] += now[c] * now[c];
         row[OWN_CROSS + k] += now[YAW] * now[LAT];
+        row[OWN_APART + k] += now[YAW] * then[LAT];
+        row[OWN_APART + BANDS + k] += then[YAW] * now[LAT];
     }
 }
 
-/* An axle's products with its partner: the second one's signals are of a wheelbase ago. */
+/* An axle's products with its partner: the partner's signals, then its own, are of a wheelbase ago. And products of the same
+ * moment, of signals that swapped wires make a pair. */
 static void sum_across(double *row, const double *mine, const double *mine_then, const double *theirs, const double *theirs_then)
 {
     for (int k = 0; k < BANDS; k++) {
@@ -84,6 +88,8 @@ static void sum_across(double *row, const double *mine, const double *mine_then,
             row[SUM_ACROSS + i * BANDS + k] += mine[own] * theirs_then[other];
             row[SUM_ACROSS + (4 + i) * BANDS + k] += theirs[other] * mine_then[own];
         }
+        row[SUM_NOW + k] += mine[at + YAW] * theirs[at + LAT];
+        row[SUM_NOW + BANDS + k] += mine[at + LAT] * theirs[at + YAW];
     }
 }
 
@@ -102,10 +108,10 @@ void wrcd_bands_end_of_tick(wrcd_estimator *e, const wrcd_design *d)
 
     for (int axle = 0; axle < (int)e->axles; axle++) {
         const int other = (int)e->partner[axle];
-        double *row = wrcd_window_newest(e, d, axle), *now = ring_of(e, d, axle, at);
-        sum_own(row, now);
+        double *row = wrcd_window_newest(e, d, axle), *now = ring_of(e, d, axle, at), *before = ring_of(e, d, axle, then);
+        sum_own(row, now, before);
         if (other >= 0)
-            sum_across(row, now, ring_of(e, d, axle, then), ring_of(e, d, other, at), ring_of(e, d, other, then));
+            sum_across(row, now, before, ring_of(e, d, other, at), ring_of(e, d, other, then));
     }
     e->pair_at = (at + 1) % length;
 }

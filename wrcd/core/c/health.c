@@ -5,17 +5,18 @@
  * sound pair does: the rail is unknown to all states alike. */
 #include "parts.h"
 
-enum { STATES = WRCD_PAIR_STATES, ROWS = WRCD_PAIR_ROWS };
+enum { STATES = WRCD_PAIR_STATES, ROWS = WRCD_PAIR_ROWS, OTHER_AXLE = 5 /* PairState's */ };
 enum { POWER = 0, CROSS_POWER = 2 * BANDS, FINE = 3 * BANDS, VARIANCE = FINE + 2, OF_PARTNER = VARIANCE + 2,
-       PARTNER = OF_PARTNER + 8 * BANDS, GIVEN = PARTNER + 2 * BANDS };
-_Static_assert((int)GIVEN + (int)GIVEN_COLUMNS == (int)WRCD_PAIR_ROWS, "rows of a span");
+       PARTNER = OF_PARTNER + 8 * BANDS, GIVEN = PARTNER + 2 * BANDS, APART = GIVEN + GIVEN_COLUMNS,
+       OF_NOW = APART + 2 * BANDS };
+_Static_assert((int)OF_NOW + 2 * (int)BANDS == (int)WRCD_PAIR_ROWS, "rows of a span");
 static const double MIN_SHARE = 0.5; /* of a span's ticks that an axle must have data in */
 static const double LEAST_RATIO = 0.003, MIN_SPEED_M_S = 1.0;
 static const int SPANS[2] = {5, WRCD_PAIR_SPANS}; /* of the means, 1.2 and 6 s: what was loud before is gone then */
 
 /* The newest span's means of an axle's pair, with its partner's where that counts. Rows: power [BANDS][2], cross [BANDS],
  * fine [2], variance [2], of partner [2][4][BANDS], partner's power [BANDS][2], what the rules were given but the
- * bands. */
+ * bands, own signals a wheelbase apart [2][BANDS], own and partner's signals of the same moment [2][BANDS]. */
 static void rows_of(const double sums[SUMS], double their_ticks, const double inputs[WRCD_COLUMNS], double row[ROWS])
 {
     const double ticks = greater(sums[BAND_N], 1.0), both = sqrt(ticks) * sqrt(greater(their_ticks, 1.0));
@@ -28,6 +29,10 @@ static void rows_of(const double sums[SUMS], double their_ticks, const double in
         row[CROSS_POWER + k] = sums[OWN_CROSS + k] / ticks;
     for (int k = 0; k < 8 * BANDS; k++)
         row[OF_PARTNER + k] = their_ticks > 0.0 ? sums[SUM_ACROSS + k] / both : 0.0;
+    for (int k = 0; k < 2 * BANDS; k++) {
+        row[APART + k] = sums[OWN_APART + k] / ticks;
+        row[OF_NOW + k] = their_ticks > 0.0 ? sums[SUM_NOW + k] / both : 0.0;
+    }
     for (int c = 0; c < CHANNELS; c++) {
         const double mean = sums[PLAIN + c] / ticks;
         row[FINE + c] = sums[SUM_FINE + c] / ticks;
@@ -65,6 +70,22 @@ static double *partner_features(const double row[ROWS], double *x)
     return x;
 }
 
+/* Correlations that swapped wires, and in part late signals, give: own signals a wheelbase apart; own ones with the partner's
+ * of the same moment, 0 where no partner counts. */
+static double *wire_features(const double row[ROWS], double *x)
+{
+    for (int k = 0; k < 2 * BANDS; k++) {
+        const double *power = row + POWER + 2 * (k % BANDS);
+        *x++ = row[APART + k] / sqrt((power[YAW] + BAND_FLOOR) * (power[LAT] + BAND_FLOOR));
+    }
+    for (int k = 0; k < 2 * BANDS; k++) {
+        const int own = k < BANDS ? YAW : LAT, of_band = 2 * (k % BANDS);
+        const double mine = row[POWER + of_band + own] + BAND_FLOOR, theirs = row[PARTNER + of_band + 1 - own] + BAND_FLOOR;
+        *x++ = row[OF_NOW + k] / sqrt(mine * theirs);
+    }
+    return x;
+}
+
 static double *copied(const double *from, double *x)
 {
     memcpy(x, from, GIVEN_COLUMNS * sizeof *x);
@@ -84,17 +105,20 @@ static void mean_of(const wrcd_axle *a, int spans, double mean[ROWS])
 
 void wrcd_pair_features(const wrcd_axle *a, double speed_m_s, double ratio, double x[WRCD_PAIR_FEATURES])
 {
+    double mean[2][ROWS];
+
     x = own_features(a->health_rows[0], x);
     for (int s = 0; s < 2; s++) {
-        double mean[ROWS];
-        mean_of(a, SPANS[s], mean);
-        x = own_features(mean, x);
-        x = partner_features(mean, x);
-        x = copied(mean + GIVEN, x);
+        mean_of(a, SPANS[s], mean[s]);
+        x = own_features(mean[s], x);
+        x = partner_features(mean[s], x);
+        x = copied(mean[s] + GIVEN, x);
     }
     *x++ = log10(greater(speed_m_s, MIN_SPEED_M_S));
     *x++ = log10(greater(isfinite(ratio) ? ratio : 0.0, LEAST_RATIO));
-    (void)copied(a->health_rows[0] + GIVEN, x);
+    x = copied(a->health_rows[0] + GIVEN, x);
+    for (int s = 0; s < 2; s++) /* last: a design of before lacks them */
+        x = wire_features(mean[s], x);
 }
 
 static void softmax(const double log_odds[STATES], double p[STATES])
@@ -161,32 +185,6 @@ bool wrcd_pair_sound(const wrcd_axle *a)
     return p[0] >= 0.5;
 }
 
-/* At a span's end: what the rules were given, and the torque of the moment, by axle. */
-void wrcd_health_look(wrcd_estimator *e, const wrcd_design *d, const double inputs[][WRCD_COLUMNS], const double *ratio)
-{
-    const int axles = (int)e->axles;
-    bool known[WRCD_MAX_AXLES] = {false}, sound[WRCD_MAX_AXLES] = {false};
-    double sums[WRCD_MAX_AXLES][SUMS], x[WRCD_PAIR_FEATURES];
-
-    for (int axle = 0; axle < axles && axle < WRCD_MAX_AXLES; axle++) { /* says twice how many, for gcc's -Wstringop-overflow */
-        wrcd_window_sums(e, d, axle, 0, SPAN_TICKS / WRCD_BLOCK_TICKS, true, sums[axle]);
-        known[axle] = sums[axle][BAND_N] >= MIN_SHARE * (double)SPAN_TICKS && e->axle[axle].pair_goes_on > 0.0;
-        sound[axle] = wrcd_pair_sound(&e->axle[axle]);
-    }
-    for (int axle = 0; axle < axles; axle++) {
-        wrcd_axle *a = &e->axle[axle];
-        const int partner = (int)e->partner[axle];
-        if (!known[axle])
-            continue;
-        memmove(a->health_rows[1], a->health_rows[0], (WRCD_PAIR_SPANS - 1) * sizeof a->health_rows[0]);
-        const bool counts = partner >= 0 && known[partner] && sound[partner];
-        rows_of(sums[axle], counts ? sums[partner][BAND_N] : 0.0, inputs[axle], a->health_rows[0]);
-        a->health_held = lesser(a->health_held + 1.0, WRCD_PAIR_SPANS);
-        wrcd_pair_features(a, e->speed_m_s, ratio[axle], x);
-        update(d->health, x, a->log_odds);
-    }
-}
-
 /* The state that leads beside a sound pair. */
 static int lead_of(const wrcd_axle *a)
 {
@@ -195,6 +193,33 @@ static int lead_of(const wrcd_axle *a)
     for (int k = 2; k < STATES; k++)
         lead = a->log_odds[k] > a->log_odds[lead] ? k : lead;
     return lead;
+}
+
+/* At a span's end: what the rules were given, and the torque of the moment, by axle. A partner counts that is sound, or whose
+ * wires are swapped: then both are accused, and each one's evidence is in the other's signals. */
+void wrcd_health_look(wrcd_estimator *e, const wrcd_design *d, const double inputs[][WRCD_COLUMNS], const double *ratio)
+{
+    const int axles = (int)e->axles;
+    bool known[WRCD_MAX_AXLES] = {false}, counts[WRCD_MAX_AXLES] = {false};
+    double sums[WRCD_MAX_AXLES][SUMS], x[WRCD_PAIR_FEATURES];
+
+    for (int axle = 0; axle < axles && axle < WRCD_MAX_AXLES; axle++) { /* says twice how many, for gcc's -Wstringop-overflow */
+        wrcd_window_sums(e, d, axle, 0, SPAN_TICKS / WRCD_BLOCK_TICKS, true, sums[axle]);
+        known[axle] = sums[axle][BAND_N] >= MIN_SHARE * (double)SPAN_TICKS && e->axle[axle].pair_goes_on > 0.0;
+        counts[axle] = known[axle] && (wrcd_pair_sound(&e->axle[axle]) || lead_of(&e->axle[axle]) == OTHER_AXLE);
+    }
+    for (int axle = 0; axle < axles; axle++) {
+        wrcd_axle *a = &e->axle[axle];
+        const int partner = (int)e->partner[axle];
+        if (!known[axle])
+            continue;
+        memmove(a->health_rows[1], a->health_rows[0], (WRCD_PAIR_SPANS - 1) * sizeof a->health_rows[0]);
+        const bool beside = partner >= 0 && counts[partner];
+        rows_of(sums[axle], beside ? sums[partner][BAND_N] : 0.0, inputs[axle], a->health_rows[0]);
+        a->health_held = lesser(a->health_held + 1.0, WRCD_PAIR_SPANS);
+        wrcd_pair_features(a, e->speed_m_s, ratio[axle], x);
+        update(d->health, x, a->log_odds);
+    }
 }
 
 int wrcd_pair_state(const wrcd_estimator *e, int axle)

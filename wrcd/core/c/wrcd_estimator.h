@@ -28,7 +28,7 @@ extern "C" {
 #endif
 
 enum {
-    WRCD_ABI = 1, /* of everything in this header */
+    WRCD_ABI = 2, /* of everything in this header */
     WRCD_MAX_AXLES = 8,
     WRCD_MODELS = 4,
     WRCD_CHANNELS = 2, /* yaw rate in rad/s, lateral acceleration in m/s2 */
@@ -41,15 +41,15 @@ enum {
     WRCD_MAX_POLYNOMIAL = 12,
     WRCD_REGIMES = 5,
     WRCD_BLOCK_TICKS = 4, /* a window's length goes by blocks */
-    WRCD_SUMS = 106, /* columns of a block's running sums */
+    WRCD_SUMS = 118, /* columns of a block's running sums */
     WRCD_LAG = 4,
     WRCD_HOLD = 4, /* ticks that innovations wait until it is known whether a pulse follows */
     WRCD_BANDS = 3, /* of the signals, for rules and pairs */
     WRCD_PAIR_FILTER = 2 * WRCD_BANDS + 4, /* states */
     WRCD_PAIR_STATES = 8,
-    WRCD_PAIR_ROWS = 70, /* means of a span */
+    WRCD_PAIR_ROWS = 82, /* means of a span */
     WRCD_PAIR_SPANS = 25, /* that are kept */
-    WRCD_PAIR_FEATURES = 170,
+    WRCD_PAIR_FEATURES = 194,
     WRCD_MAX_HIDDEN = 128,
     WRCD_REMEMBERED = 7,
     WRCD_OF_SLIDE = 5, /* what is kept of an axle's slide, and of a train's */
