@@ -142,9 +142,9 @@ def test_picture_of_the_pages_is_made_by_make(picture: str) -> None:
 # --- README
 
 
-def test_readme_has_at_most_150_lines_and_says_simulation_only_in_its_first() -> None:
+def test_readme_has_at_most_100_lines_and_says_simulation_only_in_its_first() -> None:
     lines = text("README.md").splitlines()
-    assert len(lines) <= 150
+    assert len(lines) <= 100
     assert "Simulation only, never on a train" in "\n".join(lines[:12])
 
 
@@ -458,7 +458,7 @@ def test_map_of_low_rail_has_the_places_worlds_and_rule_of_the_code() -> None:
         (*numbers[:2], ""), ("", "", numbers[2]),
     ]  # fmt: skip
     assert RULE_OF_THREE.of_rest == 1.0
-    said = text("README.md").partition("## Low rail")[2].partition("## ")[0]
+    said = text("README.md").partition("**Low rail**")[2].partition("## ")[0]
     shares = [found[row][column] for column in (1, 2) for row in (ONE, THREE)]
     assert re.findall(r"\d+ \(\d+–\d+\)", said) == shares
     alarms = [found[row][column].partition(" ")[0] for column in (4, 5) for row in (ONE, THREE)]
@@ -467,20 +467,17 @@ def test_map_of_low_rail_has_the_places_worlds_and_rule_of_the_code() -> None:
 
 def test_figures_of_the_score_stand_elsewhere_as_they_are_there() -> None:
     world = {r[0]: r for r in rows(SCORE, "## A train")}
-    readme = {r[0]: r[1] for r in rows("README.md", "## Accuracy")}
-    for figure, name, column in (
-        ("mean error", "its own vehicle", 1),
-        ("its own interval holds the truth", "its own vehicle", 3),
-        ("Valid and wrong", "its own vehicle", 5),
-        ("Valid and wrong, sensors shaken", "sampled inside, shaken", 5),
-        ("its own interval holds the truth, in another vehicle's bogie", "vehicle: another one's bogie", 3),
-        ("… after minutes of calm running", "… after minutes of calm running", 3),
-    ):
-        said, scored = (re.findall(r"\d+(?:\.\d+)?", cell) for cell in (readme[figure], world[name][column]))
-        rounded = [f"{float(b):.{len(a.partition('.')[2])}f}" for a, b in zip(said, scored, strict=True)]
-        assert said == rounded, figure
-    valid = [world[name][4] for name in ("its own vehicle", "curves with cant", "stops by full service")]
-    assert readme["Valid: own vehicle; curves; stops"] == "; ".join(f"{share} %" for share in valid)
+    readme = {r[0]: r[1:] for r in rows("README.md", "## How good it is")}
+    situations = {
+        "its own vehicle": "its own vehicle", "curves with cant": "curves with cant",
+        "axle boxes shaken": "sampled inside, shaken", "another vehicle's bogie": "vehicle: another one's bogie",
+        "the same bogie after six minutes of calm running: intervals are wider": "… after minutes of calm running",
+    }  # fmt: skip
+    assert list(readme) == list(situations)
+    for situation, name in situations.items():
+        mean, _, holds, valid, wrong = (cell.split()[0] for cell in world[name][1:])
+        expected = [f"{float(mean):.1f}", *(f"{share} %" for share in (valid, holds, wrong))]
+        assert readme[situation] == expected, situation
     lone = {r[0]: r[1].split()[0] for r in rows(SCORE, "Goals of all suites; *chance* is met, within chance:")}
     contract = text("docs/reference/what-a-controller-does.md")
     lie_s = float(lone["drops: Valid with the truth below the interval, 95th percentile, s"])

@@ -173,16 +173,14 @@ def test_no_comment_in_a_page_speaks_to_a_program_but_skip() -> None:
         assert [c for c in comments if not c.startswith("skip: ")] == [], name
 
 
-def test_readme_shows_what_the_command_prints(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_page_on_falls_shows_what_the_command_prints(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Of `wrcd why` the first lines."""
-    shown = re.search(
-        r"^wrcd why leaf\.log 9\.3\n```\n\n```text\n(.*?)^```$",
-        (ROOT / "README.md").read_text(),
-        re.MULTILINE | re.DOTALL,
-    )
+    page = (ROOT / "docs/how-to/why-it-fell.md").read_text()
+    block = r"^(sim-ecu play .*fell\.log)\n(wrcd why fell\.log .*)\n```\n\n```text\n(.*?)^```$"
+    shown = re.search(block, page, re.MULTILINE | re.DOTALL)
     assert shown
-    log = str(tmp_path / "leaf.log")
-    assert rig(["play", "leaf-patch", "--fast", "--log", log]) == 0
+    play, why = (words.replace("fell.log", str(tmp_path / "fell.log")).split()[1:] for words in shown.groups()[:2])
+    assert rig(play) == 0
     capsys.readouterr()
-    assert main(["why", log, "9.3"]) == 0
-    assert capsys.readouterr().out.startswith(shown[1])
+    assert main(why) == 0
+    assert capsys.readouterr().out.startswith(shown[3])
