@@ -38,7 +38,7 @@ from tests.support.bus_load import MAX_LOAD_PCT, bits, bits_per_s, of_axles, tab
 from tests.support.lone_wheelset import LONE_DESIGN
 from tests.support.pages import ROOT, blocks, pages
 from tests.support.statuses import STATUSES
-from wrcd import contract, resources
+from wrcd import __version__, contract, resources
 from wrcd.bus.dbc import load_dbc
 from wrcd.bus.frame import Frame
 from wrcd.bus.reasons import Reason
@@ -146,6 +146,7 @@ def test_readme_has_at_most_100_lines_and_says_simulation_only_in_its_first() ->
     lines = text("README.md").splitlines()
     assert len(lines) <= 100
     assert "Simulation only, never on a train" in "\n".join(lines[:12])
+    assert f"version {__version__.rpartition('.')[0]}," in "\n".join(lines[:12])
 
 
 def test_messages_in_readme_are_those_of_the_dbc() -> None:
