@@ -85,6 +85,14 @@ def add_log(p: argparse.ArgumentParser, *, replay: bool = True) -> None:
             "--replay", action="store_true",
             help="estimate over the log, though it has wrcd's own frames (without them it always is)",
         )  # fmt: skip
+        add_state(p)
+
+
+def add_state(p: argparse.ArgumentParser) -> None:
+    """--state of whatever estimates over a log."""
+    p.add_argument(
+        "--state", type=Path, metavar="FILE", help="begin with what slides had revealed: NAME.state.json of a dump"
+    )
 
 
 def read_story(args: Namespace, config: "Config | None" = None) -> "Story":
@@ -99,7 +107,7 @@ def read_story(args: Namespace, config: "Config | None" = None) -> "Story":
     config = config or load_config(args.config)
     story = gather(
         args.log, config, list(map(load_dbc, args.dbc)), replay=args.replay, channel=args.channel,
-        bit_rate=getattr(args, "bit_rate", None) or BIT_RATE,
+        bit_rate=getattr(args, "bit_rate", None) or BIT_RATE, state=getattr(args, "state", None),
     )  # fmt: skip
     for warning in story.warnings:
         print(f"wrcd: warning: {warning}", file=sys.stderr)

@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from wrcd.cli.arguments import add_axle, add_config, add_design, seconds
+from wrcd.cli.arguments import add_axle, add_config, add_design, add_state, seconds
 from wrcd.cli.program import Subcommand
 
 
@@ -48,9 +48,7 @@ def _add(p: argparse.ArgumentParser) -> None:
     p.add_argument(
         "--explain", action="store_true", help="rows also name the winning model and the dominant rule of the moment"
     )
-    p.add_argument(
-        "--state", type=Path, metavar="FILE", help="begin with what slides had revealed: a dump's NAME.state.json"
-    )
+    add_state(p)
     p.add_argument("--jobs", type=int, default=1, metavar="N", help="of several logs, so many at once (default: 1)")
 
 

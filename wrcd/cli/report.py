@@ -139,7 +139,7 @@ def _against_config(args: Namespace, config: "Config") -> "Config | None":
 def _against(args: Namespace, config: "Config", other: "Config | None") -> "Story":
     """The story beside it: of another log, or of the same one estimated with what was given."""
     if other is None:
-        return read_story(Namespace(**{**vars(args), "log": args.against, "config": None}), config)
+        return read_story(Namespace(**{**vars(args), "log": args.against, "config": None, "state": None}), config)
     return read_story(Namespace(**{**vars(args), "replay": True}), other)
 
 

@@ -32,6 +32,7 @@ from wrcd.logs.statistics import BIT_RATE
 from wrcd.logs.story_events import NewChanges
 from wrcd.logs.story_records import AdhesionRecord, Detail, Story, StoryAxle, TruthRecord
 from wrcd.progress import Progress
+from wrcd.recorder.kept import take_file
 
 SENT, ESTIMATED = "frames of the log", "estimated here"
 MAX_PART_MISSING = 0.01  # of a log, without wrcd's frames, before it is reported
@@ -93,10 +94,13 @@ class FrameEstimates:
 
 
 def estimate(
-    log: Path, config: Config, channel: str | None, reached: Callable[[int], None] = lambda stamp_us: None
-) -> Estimated:
-    """Replay a log. reached gets the stamps on the way."""
+    log: Path, config: Config, channel: str | None, reached: Callable[[int], None] = lambda stamp_us: None,
+    state: Path | None = None,
+) -> Estimated:  # fmt: skip
+    """Replay a log. reached gets the stamps on the way. state: what slides had revealed before, None for nothing."""
     core, gathering, reader = Core(config), Gathering(), LogReader(log, channel)
+    if state is not None:
+        take_file(core.estimator, state)
     onward = reader.clock
     changes: list[Change] = []
     new_changes = NewChanges(core, onward)
@@ -120,13 +124,13 @@ def estimate(
 
 def gather(
     log: Path, config: Config, databases: Sequence[Database] = (), *, replay: bool = False, channel: str | None = None,
-    progress: Progress | None = None, bit_rate: int = BIT_RATE,
+    progress: Progress | None = None, bit_rate: int = BIT_RATE, state: Path | None = None,
 ) -> Story:  # fmt: skip
     """All that a log tells, as columns.
 
     A log with wrcd's own Adhesion frames is shown as those say: what the controllers saw. One without them, or with
-    replay, is estimated by the core. databases are further DBCs, for the truth and for names.
-    bit_rate: for the bus's load.
+    replay or a state to begin with (a dump's NAME.state.json), is estimated by the core. databases are further DBCs,
+    for the truth and for names. bit_rate: for the bus's load.
 
     Raises InputError for a log that cannot be read, that has several channels where none is named, or in which
     neither wrcd's frames nor a usable input is found.
@@ -146,8 +150,8 @@ def gather(
     adhesions = {a.number: own.adhesion(found, a.number) for a in config.axles}
     warnings = list(found.warnings)
     estimated: Estimated | None = None
-    if replay or not any(adhesions.values()):
-        estimated = _estimate(found, config, channel, progress)
+    if replay or state is not None or not any(adhesions.values()):
+        estimated = _estimate(found, config, channel, progress, state)
         sent = estimated.sent
         own = OwnFrames(config)
         adhesions = {a.number: own.adhesion(sent, a.number) for a in config.axles}
@@ -182,7 +186,7 @@ def gather(
     return verdict.judged(story_events.with_falls(story))
 
 
-def _estimate(found: Scan, config: Config, channel: str | None, progress: Progress) -> Estimated:
+def _estimate(found: Scan, config: Config, channel: str | None, progress: Progress, state: Path | None) -> Estimated:
     span_us = max(found.end_us - found.begin_us, 1)
     mapped = {message_key(find_message(config.database, i.source.message)) for i in config.inputs}
     if not mapped & found.frames.keys():
@@ -194,7 +198,7 @@ def _estimate(found: Scan, config: Config, channel: str | None, progress: Progre
     def reached(stamp_us: int) -> None:
         progress.at(f"{found.log.name}: estimated", (stamp_us - found.begin_us) / span_us)
 
-    estimated = estimate(found.log, config, channel, reached)
+    estimated = estimate(found.log, config, channel, reached, state)
     if not estimated.accepted:
         raise InputError(
             f"none of its frames is a usable input of this configuration: it maps {', '.join(map(id_text, mapped))}; "
@@ -205,14 +209,9 @@ def _estimate(found: Scan, config: Config, channel: str | None, progress: Progre
 
 
 def story_axle(
-    number: int,
-    adhesion: AdhesionRecord | None,
-    own: OwnFrames,
-    sent: Scan,
-    truth_record: TruthRecord | None,
-    found: Scan,
-    estimated: Estimated | None,
-) -> StoryAxle | None:
+    number: int, adhesion: AdhesionRecord | None, own: OwnFrames, sent: Scan, truth_record: TruthRecord | None,
+    found: Scan, estimated: Estimated | None,
+) -> StoryAxle | None:  # fmt: skip
     """An axle's log; None for one that there is not a frame of. found: from when to when it is, and its gaps."""
     if adhesion is None:
         return None

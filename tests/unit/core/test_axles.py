@@ -200,10 +200,11 @@ REVERSE = 'speed = { signal = "VehicleSpeed.Speed", scale = -0.0025, range = [-1
 
 
 def test_backwards_the_last_axle_leads(film: Film, tmp_path: Path) -> None:
-    """The same frames, of a train that says that it runs in reverse, its last axle in front."""
+    """The same ride in reverse, the last axle in front: accelerometers point to the other side."""
     file = tmp_path / "train.toml"
     ahead = [-a.position_m for a in film.scenario.axles]
-    file.write_text(packaged(AXLES, ahead).replace('speed = "VehicleSpeed.Speed"', REVERSE))
+    turned = re.sub(r'(lateral_acceleration) = (".*")', r"\1 = { signal = \2, sign = -1 }", packaged(AXLES, ahead))
+    file.write_text(turned.replace('speed = "VehicleSpeed.Speed"', REVERSE))
     config = load_config(file)
     assert config.fuses
     frames = film.frames[: len(film.frames) // 2]

@@ -162,6 +162,29 @@ def test_replay_refuses_a_state_that_is_none(tmp_path: Path, capsys: pytest.Capt
     assert f"some.json: is damaged, or no {FORMAT}" in capsys.readouterr().err
 
 
+def test_why_and_report_take_the_state(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """As a replay does: slides that showed more than the words before them widen the interval."""
+    log, core, state = "tests/golden/leaf-film.log", Core(load_packaged(4)), tmp_path / "ride.state.json"
+    core.estimator.take_slides((6.0, 2.7, 1.3))
+    state.write_text(kept_text(core.estimator))
+
+    def half_width(*options: str) -> float:
+        assert main(["why", log, "2", "--axle", "1", "--json", *options]) == 0
+        now = json.loads(capsys.readouterr().out)["axles"][0]["now"]
+        return float(now["high_pct"] - now["low_pct"]) / 2.0
+
+    assert half_width("--state", str(state)) > 1.1 * half_width()
+    assert main(["report", log, "--state", str(state), "-o", str(tmp_path / "page.html")]) == 0
+    assert main(["why", log, "4", "--state", str(tmp_path / "no.json")]) == 2
+    assert "no.json: cannot be read" in capsys.readouterr().err
+    assert main(["replay", log, "-o", str(tmp_path / "sent.log")]) == 0
+    sent = str(tmp_path / "sent.log")
+    assert main(["why", sent, "2", "--axle", "1"]) == 0
+    assert "frames of the log" in capsys.readouterr().out
+    assert main(["why", sent, "2", "--axle", "1", "--state", str(state)]) == 2  # estimated, and of no input
+    assert "has neither a frame of wrcd nor one of a mapped input" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("log", [0.7, -0.7, math.fsum([0.7] * 3) / 3, 0.1 + 0.2])
 def test_sums_of_any_number_of_slides_are_taken(core: Core, tmp_path: Path, log: float) -> None:
     weight = total = squares = 0.0
