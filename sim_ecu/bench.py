@@ -21,7 +21,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from cantools.database.can import Message
 
 from sim_ecu.loop.control.adhesion_consumer import HALF_WIDTHS, TIMEOUT_CYCLES, Facts
 from sim_ecu.loop.control.adhesion_consumer import TrainController as Controller
@@ -36,7 +35,7 @@ from sim_ecu.play.encoder import SAMPLE_US, databases
 from sim_ecu.play.mapped import MappedTrain, Train
 from sim_ecu.play.scenario import Scenario, path_of
 from sim_ecu.play.train import PACKAGED, AdhesionReader, placed
-from wrcd.bus.dbc import find_message
+from wrcd.bus.dbc import Message, find_message
 from wrcd.config.config import load_config, load_packaged
 from wrcd.config.section import Section, TomlSource
 from wrcd.config.settings import read_whole, suggest

@@ -1,12 +1,10 @@
 """`sim-ecu list`."""
 
 import argparse
-from typing import TYPE_CHECKING
+import tomllib
 
+from sim_ecu.resources import SCENARIOS, TO_DRIVE
 from wrcd.cli.program import Subcommand, no_arguments
-
-if TYPE_CHECKING:
-    from sim_ecu.play.scenario import Scenario
 
 FASTEST_M_S, SCAN_M_S = 200.0, 5.0  # hunting of each packaged vehicle, once begun, goes on at every higher speed
 
@@ -14,21 +12,19 @@ FASTEST_M_S, SCAN_M_S = 200.0, 5.0  # hunting of each packaged vehicle, once beg
 def _run(_args: argparse.Namespace) -> int:
     import math
 
-    from sim_ecu.loop.drive_scenario import load_drive_scenario
+    # what they state is enough here, and to read them whole takes the simulation's second
+    for folder, more in ((SCENARIOS, ""), (TO_DRIVE, ", to drive")):
+        for file in sorted(folder.glob("*.toml")):
+            stated = tomllib.loads(file.read_text())
+            axles = len(stated.get("axles", [1]))
+            length = f"{stated['duration_s']:4.0f} s, {axles} axle{'s' * (axles > 1)}{more}"
+            print(f"{file.stem:19} {length}: {stated['title']}", flush=True)
+
     from sim_ecu.physics.contact import CURVES
     from sim_ecu.physics.stability import hunting_speed_m_s
     from sim_ecu.play.faults import described
-    from sim_ecu.play.scenario import TO_DRIVE, load_scenario, packaged
     from sim_ecu.play.vehicles import load_vehicle, packaged_vehicles, vehicle_title
 
-    def show(s: "Scenario", more: str = "") -> None:
-        axles = f"{len(s.axles)} axle{'s' * (len(s.axles) > 1)}"
-        print(f"{s.name:19} {s.duration_s:4.0f} s, {axles}{more}: {s.title}")
-
-    for name in packaged():
-        show(load_scenario(name))
-    for name in packaged(TO_DRIVE):
-        show(load_drive_scenario(name).train, ", to drive")
     for name in packaged_vehicles():
         hunts = hunting_speed_m_s(load_vehicle(name), CURVES["A"], FASTEST_M_S, SCAN_M_S)
         hunting = f"none below {FASTEST_M_S:g} m/s" if math.isinf(hunts) else f"from {hunts:.1f} m/s"

@@ -2,12 +2,14 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import e2e.p11
-from cantools.database.can import Message
 
 from sim_ecu.play.encoder import COUNTERS, data_id, databases
+
+if TYPE_CHECKING:
+    from cantools.database.can import Message
 
 COAST, TRACTION, BRAKE = MODES = range(3)  # DriverDemand's Mode; another one is none
 EVERY_US = 1_000_000  # between two silences of a message that are reported, if they are short
@@ -15,7 +17,7 @@ LONG_US = 200_000  # a silence that lasts so long is always reported
 NONE_YET, SILENT, CAME, AGAIN = "none yet", "silent", "heard", "again"  # what there is to report of a message
 
 
-def rig_message(name: str) -> Message:
+def rig_message(name: str) -> "Message":
     """Return a message of the rig's own DBC."""
     return databases()[1].get_message_by_name(name)
 
@@ -73,7 +75,7 @@ class NewestFrame(ProtectedFrames):
     known: the values that signals may have; a frame with another one is not taken, and counted as "unknown value".
     """
 
-    def __init__(self, message: Message, known: Mapping[str, Collection[float]] | None = None) -> None:
+    def __init__(self, message: "Message", known: Mapping[str, Collection[float]] | None = None) -> None:
         signal = message.signals[0]
         assert signal.dbc is not None
         timeout_ms = int(signal.dbc.attributes["GenSigTimeoutTime"].value)

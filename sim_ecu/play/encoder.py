@@ -7,16 +7,17 @@ A test compares them with cantools' own encoding.
 import functools
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-import cantools
 import e2e.p11
 import numpy as np
-from cantools.database.can import Database, Message
 from numpy.typing import NDArray
 
 from sim_ecu.resources import TRUTH_DBC
 from wrcd import resources
+
+if TYPE_CHECKING:
+    from cantools.database.can import Database, Message
 
 SAMPLE_US = 5_000
 COUNTERS = 15  # of E2E Profile 11: 0 to 14
@@ -47,22 +48,22 @@ class Sent(NamedTuple):
         return self.can_id | EXTENDED if self.extended else self.can_id
 
 
-def message_key(message: Message) -> int:
+def message_key(message: "Message") -> int:
     """Identity of a message: its id, and whether that has 29 bits. Two messages may share a number."""
     return int(message.frame_id) | (EXTENDED if message.is_extended_frame else 0)
 
 
-def is_fd(message: Message) -> bool:
+def is_fd(message: "Message") -> bool:
     """Return whether its frames are CAN FD: by the DBC, or because a classical one has no room for it."""
     return bool(message.is_fd) or message.length > MAX_CLASSICAL
 
 
-def frame_length(message: Message) -> int:
+def frame_length(message: "Message") -> int:
     """Bytes of its frames. CAN FD fills up to the next length that there is."""
     return next(n for n in FD_LENGTHS if n >= message.length) if is_fd(message) else message.length
 
 
-def data_id(message: Message) -> int:
+def data_id(message: "Message") -> int:
     """The E2E data id that the DBC states."""
     assert message.dbc is not None  # it comes from a DBC file
     return int(message.dbc.attributes["E2EDataId"].value)
@@ -82,7 +83,7 @@ class Channel:
     """One cyclic message: encodes, counts its cycles (from a first counter on), protects. Values beyond the signal's
     range are sent as its end, as a converter would."""
 
-    def __init__(self, message: Message, counter: int = 0) -> None:
+    def __init__(self, message: "Message", counter: int = 0) -> None:
         assert all(s.byte_order == "little_endian" and not s.conversion.is_float for s in message.signals)
         self._data_id, self._length, self._first_counter = data_id(message), message.length, counter
         self.every_us = int(message.cycle_time or 0) * 1000
@@ -121,11 +122,13 @@ class Channel:
 
 
 @functools.cache
-def databases() -> tuple[Database, Database]:
+def databases() -> "tuple[Database, Database]":
     """The production DBC and the rig's own."""
+    import cantools  # and with it python-can and what reads its logs: a second, and not every command needs it
+
     both = [cantools.database.load_file(p, strict=True) for p in (resources.DBC, TRUTH_DBC)]
-    assert isinstance(both[0], Database)
-    assert isinstance(both[1], Database)
+    assert isinstance(both[0], cantools.database.Database)
+    assert isinstance(both[1], cantools.database.Database)
     return both[0], both[1]
 
 

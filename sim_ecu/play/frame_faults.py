@@ -5,7 +5,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from cantools.database.can import Message
 
 from sim_ecu.play.encoder import (
     FD_LENGTHS,
@@ -21,6 +20,7 @@ from sim_ecu.play.encoder import (
 from sim_ecu.play.faults import SILENT, Fault
 from sim_ecu.play.mapped import Train
 from sim_ecu.play.train import PACKAGED, Carrier
+from wrcd.bus.dbc import Message
 from wrcd.errors import InputError
 
 FIRST_PAYLOAD_BIT = 16  # behind CRC, counter and status

@@ -8,8 +8,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TypeAlias
 
-from cantools.database.can import Message
-
 from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.encoder import (
     FAST_SPACING_US,
@@ -25,7 +23,7 @@ from sim_ecu.play.encoder import (
 )
 from sim_ecu.play.mapped_message import Claim, MessagePlan, Messages, Place, Split, claim
 from sim_ecu.play.train import Carrier, PackagedTrain, end_of_field
-from wrcd.bus.dbc import data_id, find_message, find_signal
+from wrcd.bus.dbc import Message, data_id, find_message, find_signal
 from wrcd.bus.units import Quantity
 from wrcd.core.configuration import Config
 from wrcd.errors import InputError

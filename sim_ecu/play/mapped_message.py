@@ -8,10 +8,8 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from cantools.database.can import Message, Signal
-
 from sim_ecu.play.encoder import COUNTERS, SAMPLE_US, Sent, frame_length, is_fd, protect
-from wrcd.bus.dbc import find_signal
+from wrcd.bus.dbc import Message, Signal, find_signal
 from wrcd.bus.signals import Source
 from wrcd.bus.units import Quantity, factor
 from wrcd.core.configuration import Input

@@ -6,13 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import can
-from cantools.database.can import Message
 
 from sim_ecu.play.encoder import databases, message_key
 from sim_ecu.play.pace import Clock
 from sim_ecu.play.train import AdhesionReader, MessageValues
 from wrcd.bus.candump import format_line
-from wrcd.bus.dbc import find_message
+from wrcd.bus.dbc import Message, find_message
 from wrcd.bus.frame import Frame
 from wrcd.core.configuration import Config
 

@@ -25,6 +25,7 @@ from sim_ecu.play import scenario_keys as keys
 from sim_ecu.play.encoder import SAMPLE_US
 from sim_ecu.play.faults import Fault, read_fault
 from sim_ecu.play.vehicles import DEFAULT_VEHICLE, load_vehicle, read_vehicle
+from sim_ecu.resources import SCENARIOS, TO_DRIVE
 from wrcd.config.keys import Choice, Number, names
 from wrcd.config.settings import Section, read_whole, suggest
 from wrcd.core.terms import MAX_AXLES
@@ -32,8 +33,6 @@ from wrcd.errors import InputError
 
 FloatArray = NDArray[np.float64]
 NYQUIST_HZ = 0.5e6 / SAMPLE_US
-FOLDER = Path(__file__).parent / "scenarios"
-TO_DRIVE = Path(__file__).parents[1] / "loop" / "scenarios"  # those that are no course of torques
 # Where the first axles of the bogies of axles 1 … 8 stand along the train: two vehicles, 19 m from pivot to pivot; a
 # vehicle is 26.4 m long.
 BOGIES_M = (0.0, -19.0, -26.4, -45.4)
@@ -121,7 +120,7 @@ class Scenario:
         return self.speed.at(t) if self.hold_speed else np.full(len(t), math.nan)
 
 
-def packaged(folder: Path = FOLDER) -> list[str]:
+def packaged(folder: Path = SCENARIOS) -> list[str]:
     """Names of the scenarios that come along: to play, or those of the folder TO_DRIVE."""
     return sorted(p.stem for p in folder.glob("*.toml"))
 
@@ -133,7 +132,7 @@ def load_scenario(name: str) -> Scenario:
 
 def path_of(name: str | Path, to_drive: bool = False) -> Path:
     """The file of a scenario to play or to drive. Raises InputError for a name that is none."""
-    folder, other = (TO_DRIVE, FOLDER) if to_drive else (FOLDER, TO_DRIVE)
+    folder, other = (TO_DRIVE, SCENARIOS) if to_drive else (SCENARIOS, TO_DRIVE)
     path = folder / f"{name}.toml"
     if path.exists():
         return path

@@ -7,13 +7,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from cantools.database.can import Message, Signal
 
 from sim_ecu.play.encoder import Encoder, data_id, databases, message_key
 from sim_ecu.play.faults import message_of
 from sim_ecu.play.mapped_message import FAILED, says
 from sim_ecu.play.scenario import Scenario
-from wrcd.bus.dbc import find_signal
+from wrcd.bus.dbc import Message, Signal, find_signal
 from wrcd.bus.signals import Output, OutputSignal
 from wrcd.config.config import load_packaged
 from wrcd.core.configuration import AxleConfig, Config

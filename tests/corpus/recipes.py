@@ -9,7 +9,7 @@ from sim_ecu.physics.contact import CURVES
 from sim_ecu.physics.sensors import SENSOR_SETS
 from sim_ecu.physics.track import SPECTRA
 from sim_ecu.play.faults import KINDS, Stage
-from sim_ecu.play.scenario import FOLDER
+from sim_ecu.resources import SCENARIOS
 from tests.matrix.expected import LONG_ROWS, ROWS, MatrixRow
 from wrcd.config.config import packaged
 from wrcd.resources import DEFAULT_DESIGN, LONE
@@ -98,7 +98,7 @@ def _axles() -> Iterator[Recipe]:
 
 
 def _packaged_rides() -> Iterator[Recipe]:
-    for path in sorted(FOLDER.glob("*.toml")):
+    for path in sorted(SCENARIOS.glob("*.toml")):
         text = path.read_text()
         axles = 6 if "six" in path.stem else 4 if "four" in path.stem else 1
         for design in DESIGNS:

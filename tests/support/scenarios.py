@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from sim_ecu.play.scenario import FOLDER
+from sim_ecu.resources import SCENARIOS
 
 LogOf = Callable[[str], Path]
 
@@ -38,7 +38,7 @@ drive = { utilisation = [[0, 0], [1, 0.6]] }
 rail = [{ curve = "F" }]
 """
 
-SIX_AXLES = (FOLDER / "six-axles.toml").read_text().replace("duration_s = 20.0", "duration_s = 6.0")
+SIX_AXLES = (SCENARIOS / "six-axles.toml").read_text().replace("duration_s = 20.0", "duration_s = 6.0")
 
 EIGHT_AXLES = """
 duration_s = 12

@@ -63,7 +63,7 @@ FLOORS = (
 # CHANGELOG.md the user who asked for what needs it.
 BUDGETS = {
     "examples": 416,
-    "sim_ecu": 8,
+    "sim_ecu": 10,
     "sim_ecu/campaign": 1330,
     "sim_ecu/cli": 760,
     "sim_ecu/design": 3700,

@@ -8,15 +8,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from cantools.database.can import Message
-
 from sim_ecu.loop.drive_scenario import DriveScenario
 from sim_ecu.loop.rig_messages import BRAKE, TRACTION, ProtectedFrames, driver_demand, rig_message
 from sim_ecu.physics.actuators import Actuators, Valve
 from sim_ecu.physics.wheelset import Wheelset
 from sim_ecu.play.encoder import Channel, Sent, frame_length
 from sim_ecu.play.train import AdhesionReader
-from wrcd.bus.dbc import find_message
+from wrcd.bus.dbc import Message, find_message
 from wrcd.bus.signals import Output
 from wrcd.core.configuration import AxleConfig, Config
 from wrcd.core.vocabulary import CONFIDENCES

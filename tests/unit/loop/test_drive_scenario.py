@@ -9,8 +9,9 @@ import pytest
 from sim_ecu.loop.drive_scenario import TABLES, DriveScenario, load_drive_scenario, read_drive_scenario
 from sim_ecu.physics.actuators import Actuators, Drive, Pneumatics
 from sim_ecu.physics.cleaning import Cleaning
-from sim_ecu.play.scenario import TO_DRIVE, packaged
+from sim_ecu.play.scenario import packaged
 from sim_ecu.play.scenario_keys import Measure
+from sim_ecu.resources import TO_DRIVE
 from wrcd.config.settings import parse_toml
 from wrcd.errors import InputError, NotThere
 

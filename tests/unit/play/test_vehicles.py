@@ -9,18 +9,25 @@ import pytest
 from sim_ecu.cli.main import main
 from sim_ecu.design.brief import read_brief, written
 from sim_ecu.physics.wheelset import Bogie
+from sim_ecu.play.scenario import load_scenario, packaged
 from sim_ecu.play.suspension import conversions
 from sim_ecu.play.vehicles import load_vehicle, packaged_vehicles, read_vehicle, vehicle_path, vehicle_title
 from wrcd.config.settings import parse_toml, read_toml
 from wrcd.errors import InputError
 
 
-def test_list_has_a_line_for_each_vehicle_with_its_title_and_its_hunting(capsys: pytest.CaptureFixture[str]) -> None:
+def test_list_has_a_line_for_each_scenario_and_each_vehicle_with_its_hunting(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     assert main(["list"]) == 0
     lines = {line.split()[0]: line for line in capsys.readouterr().out.splitlines()}
     for name in packaged_vehicles():
         assert vehicle_title(name) != name
         assert lines[name].endswith(f": {vehicle_title(name)}")
+    for name in packaged():
+        s = load_scenario(name)
+        axles = f"{len(s.axles)} axle" + "s" * (len(s.axles) > 1)
+        assert " ".join(lines[name].split()) == f"{name} {s.duration_s:.0f} s, {axles}: {s.title}"
     assert "hunting on dry rail from 146.7 m/s" in lines["multiple-unit"]
     assert "hunting on dry rail none below 200 m/s" in lines["high-speed-coach"]
 
