@@ -6,11 +6,15 @@ front page, docs/README.md says what stands in the sidebar, and a link to a file
 
 import re
 import shutil
+import sys
 from pathlib import Path
 
 from sphinx.application import Sphinx
 
 ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "docs"))
+from tables import with_tables  # noqa: E402  # Sphinx imports this file, not its folder
+
 INDEX = "docs/README"
 
 project = "wrcd"
@@ -30,7 +34,7 @@ myst_links_external_new_tab = False
 suppress_warnings = ["myst.header"]  # a quoted score begins with a table, not with a heading of its own
 
 html_theme = "alabaster"
-html_theme_options = {"page_width": "1200px", "body_max_width": "none"}
+html_theme_options = {"page_width": "1150px", "body_max_width": "none"}
 html_title = f"wrcd {release}"
 html_copy_source = False
 html_show_sphinx = False
@@ -53,6 +57,11 @@ def sections() -> list[tuple[str, list[str]]]:
     return found
 
 
+def add_tables(app: Sphinx, docname: str, source: list[str]) -> None:
+    """Put tables of keys and of signals where a page names them."""
+    source[0] = with_tables(source[0])
+
+
 def add_sidebar(app: Sphinx, docname: str, source: list[str]) -> None:
     """Give the front page the tables of contents that the index says; Markdown of a code host has none."""
     if docname == root_doc:
@@ -70,5 +79,6 @@ def add_front_page(app: Sphinx, failed: Exception | None) -> None:
 def setup(app: Sphinx) -> dict[str, bool]:
     """Sphinx calls it."""
     app.connect("source-read", add_sidebar)
+    app.connect("source-read", add_tables)
     app.connect("build-finished", add_front_page)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

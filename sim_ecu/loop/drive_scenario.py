@@ -25,8 +25,8 @@ CLEANING = Other("cleaning", "the rail is cleaned by the energy of the slip; wit
 STOP = Measure("stop_m_s", "slower than that, the run is over", 0.0, 100.0, 3.0, unit="m/s")
 SPEED_OF_WRCD = Choice(
     "speed_of_wrcd",
-    "what VehicleSpeed carries. ground: the true speed and its sensor's noise, as of a radar; wheels: a reference made "
-    "from the wheels, as of a train that has no radar: it errs where all of them slip",
+    "what VehicleSpeed carries. ground: the true speed, as of a radar; wheels: a reference made from the wheels, wrong "
+    "where all of them slip",
     (GROUND, WHEELS),
     GROUND,
 )
@@ -36,7 +36,7 @@ DEMAND = Over("demand", "share of the full effort: traction positive, braking ne
 
 FULL_BRAKE = Measure(
     "full_brake_N_m",
-    "torque of the full service brake at the wheelset; our choice",
+    "torque of the full service brake at the wheelset",
     0.0, 2e5, Actuators().full_brake_N_m, unit="N m",
 )  # fmt: skip
 OF_DRIVE = Other("drive", "traction motor and electric brake")
@@ -49,7 +49,7 @@ _OF_DRIVE: Mapping[str, tuple[str, float, float, str]] = {
     "rise_N_m_s": ("N m/s", 1.0, 1e9, "how fast the torque's amount may grow"),
     "fall_N_m_s": ("N m/s", 1.0, 1e9, "how fast it may fall"),
     "fades_m_s": ("m/s", 0.0, 100.0, "below this speed the electric brake fades; at half of it there is none"),
-    "max_power_kW": ("kW", 1.0, 1e5, "traction at the wheel: above the speed at which full traction has it, no more"),
+    "max_power_kW": ("kW", 1.0, 1e5, "most power of traction at the wheel"),
     "cut_out_m_s": ("m/s", 1.0, 1000.0, "wheel speed above which there is no traction: the cut-out of overspeed"),
 }
 _OF_PNEUMATICS: Mapping[str, tuple[str, float, float, str]] = {
@@ -60,23 +60,22 @@ _OF_PNEUMATICS: Mapping[str, tuple[str, float, float, str]] = {
     "vent_s": ("s", 0.0, 10.0, "time constant of venting"),
 }
 DRIVE_KEYS = tuple(
-    Measure(name, f"{what}; our choice", low, high, getattr(Drive(), name), unit=unit)
+    Measure(name, what, low, high, getattr(Drive(), name), unit=unit)
     for name, (unit, low, high, what) in _OF_DRIVE.items()
 )
 PNEUMATICS_KEYS = tuple(
-    Measure(name, f"{what}; our choice", low, high, getattr(Pneumatics(), name), unit=unit)
+    Measure(name, what, low, high, getattr(Pneumatics(), name), unit=unit)
     for name, (unit, low, high, what) in _OF_PNEUMATICS.items()
 )
 
 CLEANING_KEYS = (
     Measure(
         "energy_kJ_m",
-        "energy per metre of track, both wheels, after which ln mu_0 has gone 63 % of its way to the clean rail's. The "
-        "transition is described by Voltr and Lata (Vehicle System Dynamics, 2015); this scale is our choice",
+        "energy per metre of track, both wheels, after which ln mu_0 has gone 63 % of its way to the clean rail's",
         0.01, 1e6, Cleaning().energy_kJ_m, unit="kJ/m",
     ),
     Measure(
-        "clean_mu_0", "mu_0 of the rail when it is clean; our choice: that of the wet curve C", 0.005, 1.0,
+        "clean_mu_0", "mu_0 of the rail when it is clean: that of the wet curve C", 0.005, 1.0,
         Cleaning().clean_mu_0,
     ),
 )  # fmt: skip

@@ -83,14 +83,14 @@ AXLES = Other("axles", "the axles that run", "[1]")
 SPEED = Over("speed_m_s", "the speed; without `hold_speed` only its first value counts", 0.0, 100.0, "m/s", 25.0)
 HOLD_SPEED = Flag(
     "hold_speed",
-    "true: the train keeps to `speed_m_s`, whatever the torques do; false: it starts with that speed and moves freely, "
-    "by its torques, its running resistance and its mass",
+    "true: the train keeps to `speed_m_s`, whatever the torques do; false: it starts with that speed and moves by its "
+    "torques, its running resistance and its mass",
     True,
 )
 SEED = Other("seed", "of track, vibration and noise; of an axle: of a track of its own", "1")
 TRACK = Other(
     "track",
-    "irregularity: a spectrum, or the A_a of one of alignment alone",
+    "irregularity: a spectrum (below), or the A_a of one of alignment alone",
     "good",
     "m rad",
 )
@@ -171,7 +171,7 @@ SUSPENSION = (
     Measure("secondary_spring_lateral_N_m", "across it", 1.0, 1e12, unit="N/m"),
     Measure("secondary_spring_spacing_m", "from the left spring to the right one", 0.1, 5.0, unit="m"),
     Measure("lateral_damper_N_s_m", "rate of one of the bogie's", 0.0, 1e12, unit="N s/m"),
-    Whole("lateral_dampers", "how many the bogie has", 1, 8, 2),
+    Whole("lateral_dampers", "dampers of the bogie", 1, 8, 2),
     Measure("yaw_damper_N_s_m", "rate of one of the bogie's", 0.0, 1e12, unit="N s/m"),
     Whole("yaw_dampers", "how many the bogie has", 1, 8, 2),
     Measure("yaw_damper_spacing_m", "from the left one to the right one", 0.1, 5.0, unit="m"),
@@ -223,7 +223,9 @@ SPEED_GAIN = Measure("speed_gain", "the speed is read times this: wheel wear", 0
 FRICTION_SHARE = Measure("friction_share", "of a braking torque that friction brakes make", 0.0, 1.0, 0.0)
 FRICTION_GAIN = Measure("friction_gain", "how that part of the torque is read; 0: it is missing", 0.0, 2.0, 1.0)
 MOUNTING = Choice("mounting", "where gyro and accelerometer are", MOUNTINGS, MOUNTINGS[0])
-LATERAL_LEAD = Measure("lateral_lead_s", "so much before the gyro the accelerometer is read", 0.0, 0.008, 0.0, unit="s")
+LATERAL_LEAD = Measure(
+    "lateral_lead_s", "by how much the accelerometer is read before the gyro", 0.0, 0.008, 0.0, unit="s"
+)
 JITTER = Measure("jitter_s", "each of them is read up to so much earlier, at random", 0.0, 0.002, 0.0, unit="s")
 G_SENSITIVITY = Measure(
     "g_sensitivity", "what the gyro reads of lateral acceleration", -0.01, 0.01, 0.0, unit="rad/s per m/s²"
@@ -251,7 +253,7 @@ BAND_POWER = Measure(
 JOINT = Measure("joint_m_s2", "peak of the pulse at a rail joint", 0.0, 1000.0, QUIET.joint_m_s2, unit="m/s²")
 JOINT_EVERY = Measure("joint_every_m", "from joint to joint", 0.5, LARGEST, QUIET.joint_every_m, unit="m")
 JOINT_S = Measure("joint_s", "how long a pulse lasts", 1e-3, 0.5, QUIET.joint_s, unit="s")
-JOINT_SHAPE = Choice("joint_shape", "one sine period, or half of one", SHAPES, QUIET.joint_shape)
+JOINT_SHAPE = Choice("joint_shape", "bipolar: one sine period; unipolar: half of one", SHAPES, QUIET.joint_shape)
 CROSSING = Measure("crossing_m_s2", "peak of a crossing's pulses", 0.0, 1000.0, QUIET.crossing_m_s2, unit="m/s²")
 CROSSING_AT = Measure("crossing_at_m", "where the crossing is", 0.0, 1e7, QUIET.crossing_at_m, unit="m")
 CORRUGATION = Measure(
