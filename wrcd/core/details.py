@@ -27,7 +27,10 @@ class Details:
 
     def __init__(self, config: Config, mapped: Mapped) -> None:
         self._config, self._design = config, config.design
-        self._sources = [s.source for s in mapped.signals]
+        self._sources, self._steps = (
+            [s.source for s in mapped.signals],
+            [abs(s.scale * s.factor) for s in mapped.signals],
+        )
         self._of_tick: dict[Cause, Callable[[Event], str]] = {
             Cause.INPUT_STALE: self._overdue, Cause.INPUT_SILENT: self._overdue, Cause.TWO_SENDERS: self._contested,
             Cause.SENSOR_DEGRADED: self._degraded, Cause.UNCHANGED: self._unchanged,
@@ -68,8 +71,7 @@ class Details:
         return f"{self._name(SPEED, e)} {e['number'][0]:.2f} m/s, limit {self._config.min_speed_m_s:g}"
 
     def _warming_up(self, e: Event) -> str:
-        seen = e["number"][0] * self._design.tick_s
-        return f"{seen:.2f} s of the window's {self._design.window_s:g} s"
+        return f"{e['number'][0] * self._design.tick_s:.2f} s of the window's {self._design.window_s:g} s"
 
     def _restarted(self, e: Event) -> str:
         """Why an axle was started anew: the speed, or measurements that stay outliers."""
@@ -101,12 +103,12 @@ class Details:
         if cause is Cause.HARSH:
             return f"{100 * live_share:.0f} % of {window_s:.2f} s are far from pulses, limit {100 * HARSH_SHARE:g} %"
         if cause is Cause.NO_RULE:
-            return f"the rules fire with {firing:.3f} in all, limit {MIN_FIRING:g}"
+            return f"no rule matches well enough ({firing:.3f} of {MIN_FIRING:g})"
         if cause is Cause.CONTRADICTION:
             return f"{self._name(TORQUE, e)}: {used_pct:.2f} % in use, the rules say {from_rules_pct:.2f} %"
         if doubt == EstimateDoubt.GAPS:
-            share = 100 * live_share
-            return f"{share:.0f} % of {window_s:.2f} s hold measurements on end, limit {100 * HARSH_SHARE:g} %"
+            share = f"{100 * live_share:.0f} % of {window_s:.2f} s"
+            return f"{share} hold consecutive measurements, limit {100 * HARSH_SHARE:g} %"
         if not math.isfinite(mu):
             return f"{window_s:.2f} s of measurements are no estimate"
         return f"{window_s:.2f} s of track are less than {MIN_M:g} m"
@@ -115,16 +117,14 @@ class Details:
         def text(k: int, number: int) -> str:
             age_us, of = int(e["age_us"][k]), self._config.inputs[self._number(number)]
             limit_us = of.timeout_us if e["cause"] == Cause.INPUT_STALE else silent_us(self._config, of)
-            if age_us == NEVER:
-                return f"{self._signal(number)} has not come{_refused(e, k)}"
-            return f"{self._signal(number)} {age_us / 1000:.1f} ms old, limit {limit_us / 1000:g}{_refused(e, k)}"
+            age = "has not come" if age_us == NEVER else f"{age_us / 1000:.1f} ms old, limit {limit_us / 1000:g}"
+            return f"{self._signal(number)} {age}{_refused(e, k)}"
 
         return self._listed(e, text)
 
     def _number(self, number: int) -> int:
         """The place of an input in the configuration."""
-        source = self._sources[number]
-        return next(k for k, i in enumerate(self._config.inputs) if i.source is source)
+        return next(k for k, i in enumerate(self._config.inputs) if i.source is self._sources[number])
 
     def _contested(self, e: Event) -> str:
         return self._listed(e, lambda k, number: f"{self._signal(number)}: two sequences of counters{_refused(e, k)}")
@@ -135,15 +135,17 @@ class Details:
     def _unchanged(self, e: Event) -> str:
         def text(k: int, number: int) -> str:
             value, run = e["number"][2 * k], int(e["number"][2 * k + 1])
-            source = self._sources[number]
-            named = self._name(QUANTITIES.index(source.quantity), e)
-            return f"{named} has been {value:.6g} {source.quantity.unit} in {run + 1} frames on end"
+            of, step = self._sources[number].quantity, self._steps[number]
+            noise = float(self._design.noise_rms[QUANTITIES.index(of)])
+            why = f"step {step:.2g}, noise {noise:.2g}" + ": too coarse?" * (step > noise)
+            repeated = f"{self._name(QUANTITIES.index(of), e)} repeated {value:.6g} {of.unit}"
+            return f"{repeated} in {run + 1} consecutive frames ({why})"
 
         return self._listed(e, text)
 
     def _speed(self, e: Event) -> str:
-        low, high = self._design.speeds_m_s[0], self._design.speeds_m_s[-1]
-        return f"{self._name(SPEED, e)} {e['number'][0]:.2f} m/s, design {low:g} to {high:g}"
+        of = self._design.speeds_m_s
+        return f"{self._name(SPEED, e)} {e['number'][0]:.2f} m/s, design {of[0]:g} to {of[-1]:g}"
 
     def _friction(self, e: Event) -> str:
         return f"{self._name(TORQUE, e)} {e['number'][0] / 1000:.2f} kN m is no traction; {self._name(BRAKE, e)}"
@@ -158,8 +160,7 @@ class Details:
         return " against ".join(f"{s.quantity.words} {s.message}.{s.signal} {x / 1000:.2f} kN m" for s, x in torques)
 
     def _load(self, e: Event) -> str:
-        design = 2 * self._design.normal_N / 1000
-        low, high = LOAD_SHARES
+        design, (low, high) = self._design.normal_N / 500, LOAD_SHARES
         return f"{self._name(LOAD, e)} {e['number'][0] / 1000:.1f} kN, design {design:.1f} kN ({low:g} to {high:g})"
 
     def _radius(self, e: Event) -> str:

@@ -26,7 +26,7 @@ from wrcd.logs.export_files import About, ExportChannel, ExportGroup, McapFile, 
 from wrcd.logs.feed import Part
 from wrcd.logs.reader import LogReader
 from wrcd.logs.story_events import NewChanges
-from wrcd.logs.time_order import Onward
+from wrcd.logs.time_order import MonotonicTime
 
 BLOCK_US = 10_000_000  # of the log, held in memory
 # by key of the vocabulary: the name of the packaged DBC's message
@@ -137,13 +137,13 @@ class GatherExports:
         self._begin_us, self._end_us = -(1 << 62), 1 << 62
         self._due_us: int | None = None  # when the block is full
         self._new_changes: NewChanges | None = None
-        self._onward = Onward()
+        self._clock = MonotonicTime()
 
     def begin(self, core: Core, part: Part, reader: LogReader, first_us: int) -> None:
         """Make the files, for what is gathered from now on of a log, in the time that goes on. first_us: the time of
         the log's first frame. Raises InputError for a file that can't be made."""
         self._new_changes = NewChanges(core)
-        self._onward = reader.clock
+        self._clock = reader.clock
         self._places = [s.number for s in core.mapped.signals]  # among the configuration's inputs
         self._begin_us = self._begin_us if part.begin_us is None else part.begin_us
         self._end_us = self._end_us if part.end_us is None else part.end_us
@@ -166,7 +166,7 @@ class GatherExports:
         columns = (samples[name].tolist() for name in ("stamp_us", "input", "value"))
         for stamp_us, number, value in zip(*columns, strict=True):
             if self._begin_us <= stamp_us < self._end_us:
-                self._keep(stamp_us + self._onward.correction_us, self._places[number], value)
+                self._keep(stamp_us + self._clock.correction_us, self._places[number], value)
 
     def _keep(self, time_us: int, number: int, value: float) -> None:
         if self._wanted[number]:
@@ -183,7 +183,7 @@ class GatherExports:
         """Keep frames that were made."""
         for o in made:
             if (found := self._frames.get(o.frame.key)) is not None:
-                found[1].stamps_us.append(self._onward.made(o.frame.stamp_us))
+                found[1].stamps_us.append(self._clock.made(o.frame.stamp_us))
                 found[1].data += o.frame.data
 
     def look(self) -> None:
@@ -191,7 +191,7 @@ class GatherExports:
         assert self._new_changes is not None
         for change in self._new_changes.take():
             if change.axle in self._changes and self._begin_us <= change.time_us < self._end_us:
-                self._changes[change.axle].append(replace(change, time_us=self._onward.made(change.time_us)))
+                self._changes[change.axle].append(replace(change, time_us=self._clock.made(change.time_us)))
 
     def flush(self) -> None:
         """Hand on what there is."""

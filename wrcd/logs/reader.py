@@ -15,7 +15,7 @@ from wrcd.bus.frame import Frame
 from wrcd.errors import InputError
 from wrcd.logs.columns import Item, Stretch, parse_lines, stretches
 from wrcd.logs.damage import Damage
-from wrcd.logs.time_order import Onward, StrayStamps, TimeOrder, on_channel
+from wrcd.logs.time_order import MonotonicTime, StrayStamps, TimeOrder, on_channel
 from wrcd.progress import Progress
 
 CHUNK_BYTES, READ_BYTES = 1 << 18, 1 << 13  # of a log, taken at once, and asked of the file at once
@@ -36,7 +36,7 @@ class LogReader:
 
     def __init__(self, path: Path, channel: str | None = None, *, shows: bool = False) -> None:
         """shows: on a terminal a line tells how far the log has come."""
-        self.path, self.damage, self.clock = path, Damage(), Onward()
+        self.path, self.damage, self.clock = path, Damage(), MonotonicTime()
         self._channel, self._strays, self._order = channel, StrayStamps(path), TimeOrder(path)
         self._progress = Progress() if shows else None
         self._first_us: int | None = None
@@ -57,7 +57,7 @@ class LogReader:
         """The same in the order of time: a log that is out of order by up to a second is sorted."""
         return self._order.put(self.written())
 
-    def onward(self) -> Iterator[Item]:
+    def monotonic(self) -> Iterator[Item]:
         """The same with stamps of a time that goes on where the log's clock is set back."""
         return map(self.clock.moved, self.clock.items(self.in_order()))
 

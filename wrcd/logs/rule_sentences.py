@@ -55,6 +55,7 @@ GLOSSARY = (
     "and stays; a slip cycle comes back.",
 )
 
+CORRECTED = ", corrected by "
 MIN_SHARE = 0.15  # slopes smaller than this share of a rule's largest are left out of its sentence
 
 
@@ -66,7 +67,7 @@ def condition(design: Design, rule: int) -> str:
 
 
 def says(design: Design, rule: int) -> str:
-    """What it says: the output in the middle of its sets with the adhesion it stands for, and what moves it."""
+    """What it says: adhesion and output in the middle of its sets, and what corrects the output."""
     base = float(design.bases[rule])
     mu = float(np.clip(np.polyval(design.polynomial, np.clip(base, 0.0, 100.0)), *design.adhesion_range_pct))
     if design.consequents:
@@ -79,7 +80,7 @@ def says(design: Design, rule: int) -> str:
         for move, c in zip(slopes * steps, COLUMN_WORDS, strict=True)
         if abs(move) >= MIN_SHARE * np.abs(slopes * steps).max(initial=0.0) and abs(move) >= 0.5
     ]
-    return f"output {base:.0f} (adhesion {mu:.1f} %)" + (f"; {', '.join(moves)}" if moves else "")
+    return f"adhesion {mu:.1f} % (output {base:.0f})" + (f"{CORRECTED}{', '.join(moves)}" if moves else "")
 
 
 def sentence(design: Design, rule: int) -> str:

@@ -64,14 +64,14 @@ def scan(log: Path, channel: str | None, reached: Callable[[int], None] = lambda
     """
     gathering = Gathering()
     with LogReader(log, channel) as reader:
-        onward = reader.clock
-        for item in reader.onward():
+        clock = reader.clock
+        for item in reader.monotonic():
             reached(gathering.put(item))
     out = gathering.done(log)
     out.warnings, out.whole = tuple(reader.warnings), reader.whole
-    out.clock_steps, out.gaps = tuple(onward.steps), onward.gaps
-    if onward.steps:
-        ahead_s = onward.correction_us * 1e-6
+    out.clock_steps, out.gaps = tuple(clock.steps), clock.gaps
+    if clock.steps:
+        ahead_s = clock.correction_us * 1e-6
         out.warnings += (
             f"{log}: times go on over a step of its clock: at the end they are {ahead_s:.3g} s ahead of its stamps",
         )

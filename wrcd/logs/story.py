@@ -101,15 +101,15 @@ def estimate(
     core, gathering, reader = Core(config), Gathering(), LogReader(log, channel)
     if state is not None:
         take_file(core.estimator, state)
-    onward = reader.clock
+    clock = reader.clock
     changes: list[Change] = []
-    new_changes = NewChanges(core, onward)
+    new_changes = NewChanges(core, clock)
     answers = {a.number: FrameEstimates() for a in config.axles}
     of_message = {
         message_key(find_message(config.database, a.adhesion.message)): answers[a.number] for a in config.axles
     }
     for number, (o, _) in enumerate(outgoing(made_of_log(core, reader))):
-        stamp_us = onward.made(o.frame.stamp_us)
+        stamp_us = clock.made(o.frame.stamp_us)
         gathering.put((replace(o.frame, stamp_us=stamp_us), channel or ""))
         if (found := of_message.get(o.frame.key)) is not None:
             found.put(stamp_us, o.why, o.cause)

@@ -24,7 +24,7 @@ from wrcd.logs.story_records import (
     Story,
     StoryAxle,
 )
-from wrcd.logs.time_order import Onward
+from wrcd.logs.time_order import MonotonicTime
 
 VALIDITIES = tuple(map(Validity, words_of("adhesion", "Validity")))  # by place
 VALID_PLACE = VALIDITIES.index(Validity.VALID)
@@ -39,9 +39,9 @@ CAUSES = {int(c): c for c in Cause}
 class NewChanges:
     """Reads the changes of Validity that a core makes; to be asked oftener than its events are forgotten."""
 
-    def __init__(self, core: Core, onward: Onward | None = None) -> None:
-        """onward: of the log, for changes in the time that goes on."""
-        self._events, self._taken, self._onward = core.events, core.events.total, onward
+    def __init__(self, core: Core, clock: MonotonicTime | None = None) -> None:
+        """clock: of the log, for changes in the time that goes on."""
+        self._events, self._taken, self._clock = core.events, core.events.total, clock
 
     def take(self) -> Sequence[Change]:
         """Those since the time before."""
@@ -49,8 +49,8 @@ class NewChanges:
             return ()
         new = self._events.since(self._taken)
         self._taken = self._events.total
-        if self._onward is not None and self._onward.steps:
-            return [replace(c, time_us=self._onward.made(c.time_us)) for c in new]
+        if self._clock is not None and self._clock.steps:
+            return [replace(c, time_us=self._clock.made(c.time_us)) for c in new]
         return new
 
 

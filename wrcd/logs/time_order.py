@@ -245,7 +245,7 @@ class TimeOrder:
         return out
 
 
-class Onward:
+class MonotonicTime:
     """What is added to a log's stamps, for what was drawn last from `items`.
 
     A stamp further than BEHIND_US behind the newest is a step of the clock, as the core takes it: its frame comes at

@@ -13,7 +13,7 @@ import numpy as np
 from wrcd.core.causes import Validity
 from wrcd.core.vocabulary import MESSAGES, words_of
 from wrcd.errors import InputError
-from wrcd.logs.rule_sentences import model_words, rule_words
+from wrcd.logs.rule_sentences import CORRECTED, model_words, rule_words
 from wrcd.logs.story import ESTIMATED
 from wrcd.logs.story_events import INPUT_NAMES, NO_FRAME, REASONS, STALE_AFTER, VALIDITIES
 from wrcd.logs.story_records import Event, Fall, Series, Story, newest, percent, seconds
@@ -257,12 +257,12 @@ def _without_detail(story: Story, axle: int) -> str:
 
 def shortened(rule: str) -> str:
     """A rule's sentence with the MAX_MOVES largest of what moves its output."""
-    head, _, tail = rule.removesuffix(".").partition("; ")
+    head, _, tail = rule.removesuffix(".").partition(CORRECTED)
     moves = _BETWEEN_MOVES.split(tail) if tail else []
     largest = sorted(moves, key=lambda move: -abs(float(move.split()[0])))[:MAX_MOVES]
     kept = [move for move in moves if move in largest]
     more = f" and {len(moves) - len(kept)} more" if len(moves) > len(kept) else ""
-    return head + (f"; {', '.join(kept)}{more}" if kept else "")
+    return head + (f"{CORRECTED}{', '.join(kept)}{more}" if kept else "")
 
 
 def _numbers(x: Explanation) -> str:

@@ -195,7 +195,7 @@ def model_of_log(
     what the core makes of it. Raises InputError where it cannot be read."""
     model = BusModel(config, databases, bit_rate=bit_rate, hold_s=LONG_S)
     with LogReader(log, channel, shows=True) as reader:
-        for batch in _batches(reader.onward()):
+        for batch in _batches(reader.monotonic()):
             model.take(batch, 0)
     model.source, warnings = SENT, reader.warnings
     model.clock_steps += len(reader.clock.steps)

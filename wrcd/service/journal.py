@@ -112,7 +112,7 @@ class CounterLog:
                 lambda: bus.drops, "lost {n} received frames: the kernel's buffer was full, see 80-wrcd.conf"
             ),
             _RateLimitedCounter(lambda: bus.unsent, "could not send {n} frames", always=False),
-            _RateLimitedCounter(lambda: health.overruns, "left out {n} frames: their slot was over"),
+            _RateLimitedCounter(lambda: health.overruns, "{n} frames not sent: computer too late"),
             _RateLimitedCounter(lambda: counts.time_steps, "the clock stepped: started anew"),
             _RateLimitedCounter(
                 lambda: counts.waits, "an axle is reset again and again by absurd measurements: it waits longer"

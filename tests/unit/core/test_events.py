@@ -133,7 +133,8 @@ def clock_step(sim: SensorSimulator) -> None:
         (speed_beyond, "SpeedOutOfRange: speed VehicleSpeed.Speed 60.50 m/s, design 3 to 60"),
         (
             lambda sim: sim.during(60, frozen=True),
-            "Unchanged: yaw rate YawRate_A1.YawRate has been 0.0006 rad/s in 7 frames on end",
+            "Unchanged: yaw rate YawRate_A1.YawRate repeated 0.0006 rad/s in 7 consecutive frames "
+            "(step 1e-06, noise 0.0003)",
         ),
         (lambda sim: sim.during(60, speed=40.0), "Restarted: speed VehicleSpeed.Speed jumped to 40.00 m/s"),
         (standstill, "Standstill: speed VehicleSpeed.Speed 2.80 m/s, limit 3"),
@@ -212,11 +213,11 @@ def estimate(**values: float) -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("cause", "values", "said"),
     [
-        (Cause.NO_RULE, {"firing": 0.031}, "the rules fire with 0.031 in all, limit 0.05"),
+        (Cause.NO_RULE, {"firing": 0.031}, "no rule matches well enough (0.031 of 0.05)"),
         (Cause.HARSH, {"live_share": 0.35}, "35 % of 1.00 s are far from pulses, limit 40 %"),
         (Cause.BEYOND_TRAINING, {"beyond": 2.0}, "residuals unlike the design's wheelset: no. 1 by 1.50 of its range"),
         (Cause.TOO_LITTLE_DATA, {"doubt": float(EstimateDoubt.GAPS), "live_share": 0.35},
-         "35 % of 1.00 s hold measurements on end, limit 40 %"),
+         "35 % of 1.00 s hold consecutive measurements, limit 40 %"),
         (Cause.TOO_LITTLE_DATA, {"window_s": 0.2}, "0.20 s of track are less than 2.9 m"),
         (Cause.TOO_LITTLE_DATA, {"mu_available_pct": np.nan}, "1.00 s of measurements are no estimate"),
         (Cause.CONTRADICTION, {"used_pct": 12.3, "mu_from_rules_pct": 8.0},

@@ -238,7 +238,7 @@ def test_lost_frames_are_too_little_data_or_stale_and_not_harsh(
     late = sim.decoded("AdhesionDetail_A1")[15:]  # the window is full
     assert {str(row["Cause"]) for row in late} <= {"TooLittleData", "InputStale"}
     (change,) = [c for c in sim.core.events.since(0) if c.cause is Cause.TOO_LITTLE_DATA][:1]
-    assert "hold measurements on end, limit 40 %" in change.detail
+    assert "hold consecutive measurements, limit 40 %" in change.detail
 
 
 @pytest.mark.parametrize("lost", [lambda k: k % 5 == 0, lambda k: k % 6 < 2])

@@ -18,7 +18,7 @@ from wrcd.core.configuration import Config
 from wrcd.dbc.bus_check.check import check_log
 from wrcd.logs.columns import stretches
 from wrcd.logs.story import gather
-from wrcd.logs.time_order import Onward
+from wrcd.logs.time_order import MonotonicTime
 
 STEP_AT_US, BACK_US = 9_000_000, 6_000_000
 
@@ -38,7 +38,7 @@ def set_back(log: Path, output: Path, back_us: int = BACK_US) -> Path:
 
 def test_times_go_on_where_a_clock_is_set_back() -> None:
     frames = [Frame(s, 0x10, b"") for s in (1_000_000, 2_000_000, 1_995_000, 500_000, 700_000, 100_000)]
-    single, whole = Onward(), Onward()
+    single, whole = MonotonicTime(), MonotonicTime()
     one_by_one = [single.moved(i)[0].stamp_us for i in single.items([(f, "can0") for f in frames])]
     assert one_by_one == [1_000_000, 2_000_000, 1_995_000, 2_000_000, 2_200_000, 2_200_000]
     at_once: list[int] = []

@@ -35,7 +35,7 @@ def test_rule_sentence_names_its_sets_and_output() -> None:
     assert text.startswith("If residual 1 ")
     for sets, k in zip(design.sets, design.rules[0], strict=True):
         assert sets.names[k] in text
-    assert f"output {design.bases[0]:.0f} (adhesion " in text
+    assert f" % (output {design.bases[0]:.0f})" in text
 
 
 def test_replay_explain_names_model_and_rule_of_each_slot(log_of: LogOf, tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from wrcd.core.configuration import Config, Input
 from wrcd.core.reading import NOT_MAPPED, Receiver
 from wrcd.logs.columns import Item, Stretch
 from wrcd.logs.story_records import NO_GAPS, Gaps
-from wrcd.logs.time_order import Onward
+from wrcd.logs.time_order import MonotonicTime
 
 MAX_KEPT = 500_000  # of each input's values: 40 min at 200 Hz
 
@@ -54,7 +54,7 @@ class Readings:
 class Gathered:
     """What came, frame by frame: the values of each input, the times of each mapped message, who else is there."""
 
-    def __init__(self, config: Config, clock: Onward | None = None) -> None:
+    def __init__(self, config: Config, clock: MonotonicTime | None = None) -> None:
         """clock: of a log, whose time goes on."""
         self._clock = clock
         self.receiver = Receiver(config.database, [i.source for i in config.inputs], config.data_ids)
