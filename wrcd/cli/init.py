@@ -22,7 +22,7 @@ COMMAND = Subcommand(
     "init",
     "propose a configuration for a train's DBC, with what a person must settle",
     (
-        ("wrcd init train.dbc -o train.toml", "write the proposal; what is open and unsure is said"),
+        ("wrcd init train.dbc -o train.toml", "write the proposal; what is open or unsure is marked"),
         ("wrcd init train.dbc", "the same on the screen"),
     ),
     _add,

@@ -121,7 +121,7 @@ class ProcessConsumer:
         if status is not None:
             for reader in self._readers:
                 reader.join(STOP_S)
-            why = self._stderr.strip() or "it said nothing"
+            why = self._stderr.strip() or "it printed nothing"
             raise ConsumerError(f"the process has ended with status {status}: {why}")
         return Use(self._limits.get(axle), axle)
 

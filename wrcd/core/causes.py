@@ -38,7 +38,7 @@ class Cause(IntEnum):
     # Degraded: a tick within the window was not sound
     INPUT_STALE = 5, "an input was past its time-out"
     TWO_SENDERS = 6, "two senders sent the same message"
-    SENSOR_DEGRADED = 7, "a sender said Degraded of itself"
+    SENSOR_DEGRADED = 7, "a sender reports Degraded"
     UNCHANGED = 8, "a sensor stood still while the train moved"
     SPEED_OUT_OF_RANGE = 9, "the speed is outside the design"
     FRICTION_SHARE_UNKNOWN = 10, "the friction brakes may have acted, and their torque is not known"

@@ -109,7 +109,7 @@ def _state(story: Story) -> Iterator[Finding]:
         for place, word in enumerate(words_of(key, name)):
             rows = np.flatnonzero(values == place)
             if word not in good and len(rows):
-                text, level = f"The {what} said {word} in {len(rows)} frames", "note" if word == "Stopping" else "bad"
+                text, level = f"The {what} was {word} in {len(rows)} frames", "note" if word == "Stopping" else "bad"
                 yield _first(story, level, text, int(series.time_us[rows[0]]))
 
 

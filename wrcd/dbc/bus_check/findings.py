@@ -217,12 +217,12 @@ def _others(gathered: Gathered) -> str:
 
 
 def _word(f: Fit) -> str:
-    return {True: "fits", False: "DOES NOT FIT", None: "not told"}[f.fits]
+    return {True: "fits", False: "DOES NOT FIT", None: "not known"}[f.fits]
 
 
 def _lasted(s: Spells) -> str:
     if not s.events:
-        return "nothing was said"
+        return "nothing was reported"
     parts = [f"Valid {100 * s.share(Validity.VALID):.1f} %"]
     parts += [f"{cause.label} {100 * share:.1f} %" for cause, share in s.shares.items() if cause]
     return f"{', '.join(parts)} of {s.known_s:.1f} s"

@@ -53,7 +53,7 @@ def _curves(config: Config, gathered: Gathered, speed: Sequence[Readings]) -> It
         product, sideways = product[there], sideways[there]
         product, sideways = product - _median(product), sideways - _median(sideways)
         if len(product) < MIN_BINS or _rms(product) < MIN_CURVE_M_S2:
-            yield Fit(what, None, "no curve to tell by", (axle.number,))
+            yield Fit(what, None, "no curve to judge by", (axle.number,))
             continue
         names = " or ".join(_name(config, q, place) for q in (Quantity.YAW_RATE, Quantity.LAT_ACCEL))
         remark = f" in curves of {_rms(product):.2f} m/s2 rms"
