@@ -76,7 +76,7 @@ BUDGETS = {
     "systemd": 593,
     "wrcd": 261,
     "wrcd/bus": 2710,
-    "wrcd/cli": 1160,
+    "wrcd/cli": 1200,
     "wrcd/config": 2668,
     "wrcd/contract": 1312,
     "wrcd/core": 8340,

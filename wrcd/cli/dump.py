@@ -37,6 +37,7 @@ def _add(p: argparse.ArgumentParser) -> None:
     p.add_argument("--id", action="append", metavar="HEX", help="only this id: 101, or 18FEF1FE of 29 bits")
     add_dbc(p, ", which wins over the configuration's")
     p.add_argument("--config", type=Path, metavar="FILE", help="configuration whose DBC decodes")
+    p.add_argument("--state", action="store_true", help="print the newest state of every axle, and end")
 
 
 def _run(args: argparse.Namespace) -> int:
@@ -50,6 +51,8 @@ def _run(args: argparse.Namespace) -> int:
     from wrcd.logs.time_order import on_channel
 
     config = load_config(args.config)
+    if args.state:
+        return _state(args, config)
     # of an id that is in several, the first one's: what was named comes before the configuration's
     databases = (*map(load_dbc, args.dbc), config.database)
     messages = {message_key(m): m for database in reversed(databases) for m in reversed(database.messages)}
@@ -76,6 +79,39 @@ def _run(args: argparse.Namespace) -> int:
         for warning in damage.warnings(log or Path()):
             print(f"wrcd: warning: {warning}", file=sys.stderr)
     return Status.DONE if damage.whole else Status.STOPPED
+
+
+def _state(args: argparse.Namespace, config: "Config") -> int:
+    """Print the newest state of a log's or a bus's axles. Raises InputError."""
+    import shutil
+
+    from wrcd.bus.dbc import load_dbc
+    from wrcd.colour import coloured
+    from wrcd.logs.bus_of import bus_of
+    from wrcd.logs.statistics import BIT_RATE
+    from wrcd.monitor.bus_model import BusModel
+    from wrcd.monitor.sources import FrameSource, NoMore, model_of_log, open_source
+    from wrcd.monitor.state_text import listen, state_lines
+
+    if args.log == PIPE or args.axle or args.message or args.id or args.count:
+        raise InputError("takes a log or a bus, and all of it", key="--state", hint="leave out the others")
+    databases = [load_dbc(file) for file in args.dbc]
+    if args.log is None:
+        source: FrameSource = open_source(config, *bus_of(args, config))
+        model, warnings = BusModel(config, databases), list[str]()
+    else:
+        model, warnings = model_of_log(args.log, config, databases, args.channel, BIT_RATE)
+        source = NoMore(args.log.name)
+    try:
+        if args.log is None:
+            listen(model, source)
+        width = shutil.get_terminal_size((120, 24)).columns
+        print("\n".join(state_lines(model, source.state(), max(width, 80), coloured(sys.stdout))))
+    finally:
+        source.close()
+    for warning in warnings:
+        print(f"wrcd: warning: {warning}", file=sys.stderr)
+    return Status.DONE
 
 
 def _wanted(args: argparse.Namespace, config: "Config", messages: Mapping[int, "Message"]) -> frozenset[int] | None:
@@ -160,7 +196,7 @@ COMMAND = Subcommand(
     "candump lines with the decoded values behind them",
     (
         ("candump -L vcan0 | wrcd dump -", "what a bus carries, through candump's filters, until Ctrl-C"),
-        ("wrcd dump ride.log --axle 1 -n 100", "the first hundred frames of a log that are of axle 1"),
+        ("wrcd dump -i socketcan -c vcan0 --state", "the newest state of every axle of a bus, after a second"),
     ),
     _add,
     _run,

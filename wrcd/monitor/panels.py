@@ -108,12 +108,12 @@ def daemon_at(model: BusModel, at_us: int) -> DaemonNow:
     if model.is_estimated:
         daemon_seen = any(len(m) for m in model.daemon.values()) or _damaged_adhesion(model) > 0
         what = "no Adhesion frame that is right" if daemon_seen else "no daemon"
-        return DaemonNow("warn", "not heard", [f"{what} in the log: estimated here"])
+        return DaemonNow("warn", "absent", [f"{what} in the log: estimated here"])
     silent = silence(model, at_us)
     if silent is not None:
         return DaemonNow("bad", "silent", [silent])
     parts: list[str] = []
-    level, state = "good", "heard"
+    level, state = "good", "sends"
     now = {kind: m.at(at_us) for kind, m in model.daemon.items()}
     status, link, rejected = now.get(STATUS), now.get(LINK), now.get(REJECTS)
     if status is not None:

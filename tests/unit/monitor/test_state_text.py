@@ -1,0 +1,62 @@
+"""`wrcd dump --state`: the newest state of every axle, of a log and of a bus."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.support.daemon_frames import GOOD, DaemonFrames
+from wrcd.bus.candump import format_line
+from wrcd.cli.main import main
+from wrcd.core.configuration import Config
+from wrcd.monitor.buffers import Batch
+from wrcd.monitor.bus_model import BusModel
+from wrcd.monitor.sources import NoMore
+from wrcd.monitor.state_text import listen, state_lines
+
+
+class Played(NoMore):
+    """A bus on which so many frames come at once, and then nothing."""
+
+    def __init__(self, batches: list[tuple[Batch, int]]) -> None:
+        super().__init__("vcan0")
+        self._batches = batches
+
+    def take(self) -> Iterator[tuple[Batch, int]]:
+        while self._batches:
+            yield self._batches.pop(0)
+
+
+def test_state_of_a_log_has_a_line_for_each_axle_that_came(
+    config: Config, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = tmp_path / "ride.log"
+    frames = DaemonFrames(config).stretch(0, 3_000_000, GOOD)
+    log.write_text("".join(f"{format_line(f, 'can0')}\n" for f in frames))
+    assert main(["dump", str(log), "--state"]) == 0
+    bus, daemon, head, axle, hidden = capsys.readouterr().out.splitlines()
+    assert bus.startswith(" LOG  ride.log")
+    assert daemon == "daemon ● Running"
+    assert head.split() == ["axle", "state", "available", "interval", "in", "use", "contact", "surface", "why"]
+    assert axle.split() == ["1", "●", "Valid", "30.0", "%", "27.0…33.0", "10.0", "%", "Adhering", "Dry"]
+    assert hidden.strip() == "3 more are configured, of which nothing came: hidden"
+
+
+def test_state_of_a_bus_is_what_came_while_it_was_listened_to(config: Config) -> None:
+    frames = DaemonFrames(config).stretch(0, 2_000_000, GOOD)
+    model, source = BusModel(config), Played([(Batch.of_frames(frames), 0)])
+    listen(model, source)
+    assert not source._batches
+    lines = list(state_lines(model, source.state(), 100, colour=True))
+    assert len(lines) == 5
+    assert "\033[1;32m● Valid" in lines[3]
+    silent = BusModel(config)
+    silent.take(Batch.of_frames(frames), frames[-1].stamp_us + 5_000_000)
+    silent.update()
+    assert "○ silent" in list(state_lines(silent, source.state(), 100, colour=False))[1]
+
+
+@pytest.mark.parametrize("also", [["-n", "3"], ["--axle", "1"], ["--message", "WrcdStatus"], ["--id", "91"]])
+def test_state_is_of_all_frames(also: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["dump", "tests/golden/leaf-film.log", "--state", *also]) == 2
+    assert "--state: takes a log or a bus, and all of it" in capsys.readouterr().err
