@@ -119,6 +119,7 @@ echo '# edited' >>/etc/sysctl.d/80-wrcd.conf
 echo 'WRCD_OPTIONS=--config /etc/wrcd/vcan1.toml' >/etc/wrcd/vcan1.env
 run upgrade of_page 2
 back restart of_page 3
+run installation /opt/wrcd/bin/wrcd check --installation
 cp $config /var/lib/wrcd/vcan0/kept.log /etc/sysctl.d/80-wrcd.conf* "$folder"
 show show
 run version /opt/wrcd/bin/wrcd --version

@@ -85,6 +85,19 @@ def test_upgrade_names_the_broken_configuration_and_restarts_nothing(recording: 
     assert recording.process("installed").sent[-1].stamp_us > recording.marks_us["upgraded/restart"]
 
 
+def test_installation_is_described_with_what_mends_it(recording: Recording) -> None:
+    said = recording.text("upgraded/installation")
+    for found in (
+        r"ok +wrcd +.*/opt/wrcd", r"ok +library in C +compiled by", r"ok +CAN in the kernel +SocketCAN",
+        r"ok +CAN interface +vcan0 up", r"ok +receive buffer +8388608 bytes", r"- +extra bench +not installed",
+        r"ok +unit +/\S+/wrcd@\.service", r"ok +configuration +/etc/wrcd/vcan0\.toml: axles 1",
+        r"MISSING +configuration +/etc/wrcd/vcan1\.toml",
+        r" +wrcd check --config /etc/wrcd/vcan1\.toml: .*min_sped_m_s",
+    ):  # fmt: skip
+        assert re.search(rf"^{found}", said, re.MULTILINE), (found, said)
+    assert recording.status("upgraded/installation") == 1
+
+
 def test_configuration_dump_and_edited_file_outlive_upgrade_and_removal(recording: Recording) -> None:
     for episode in ("upgraded", "removed"):
         assert recording.text(f"{episode}/vcan0.toml") == DEFAULT

@@ -156,6 +156,14 @@ def test_wheel_brings_the_library_in_c(installed: Path) -> None:
 
 
 @pytest.mark.night
+def test_installed_wheel_says_what_this_computer_has_for_it(installed: Path) -> None:
+    said = run(installed, "from wrcd.service.installation import report; report()").stdout
+    assert re.search(rf"^ok +wrcd +.*{re.escape(str(installed))}$", said, re.MULTILINE)
+    assert re.search(r"^ok +library in C +compiled by ", said, re.MULTILINE)
+    assert re.search(r"^(ok|MISSING) +CAN in the kernel ", said, re.MULTILINE)
+
+
+@pytest.mark.night
 def test_kit_is_written_from_the_installed_wheel(installed: Path, tmp_path: Path) -> None:
     run(installed, WRCD, "kit", "-o", str(tmp_path / "kit"))
     assert (tmp_path / "kit" / "adhesion.c").stat().st_size > 10_000

@@ -10,6 +10,7 @@ from wrcd.errors import InputError
 from wrcd.resources import DEFAULT_DESIGN
 
 if TYPE_CHECKING:
+    from wrcd.bus.dbc import Database
     from wrcd.core.configuration import Config
     from wrcd.logs.story_records import Story
 
@@ -67,6 +68,18 @@ def add_dbc(p: argparse.ArgumentParser, what: str) -> None:
     )
 
 
+def databases_of(args: argparse.Namespace, config: "Config") -> "list[Database]":
+    """The DBCs of --dbc, and behind them the rig's, where it is installed and the messages are the packaged ones."""
+    from importlib.util import find_spec
+
+    from wrcd.bus.dbc import load_dbc
+    from wrcd.resources import DBC
+
+    found = find_spec("sim_ecu") if config.dbc_file == DBC else None
+    rig = [Path(folder, "data", "sim_ecu.dbc") for folder in (found and found.submodule_search_locations) or ()]
+    return [load_dbc(file) for file in (*args.dbc, *(file for file in rig if file.exists()))]
+
+
 def add_axle(p: argparse.ArgumentParser, verb: str = "") -> None:
     """--axle, which may be repeated."""
     p.add_argument(
@@ -78,7 +91,7 @@ def add_log(p: argparse.ArgumentParser, *, replay: bool = True) -> None:
     """LOG, --config, --dbc, --channel and --replay."""
     p.add_argument("log", type=Path, metavar="LOG", help="candump log, or any that python-can reads")
     add_config(p)
-    add_dbc(p, ", for names and for a rig's truth (SimTruth_A1 …)")
+    add_dbc(p, ", for names and for another rig's truth (SimTruth_A1 …)")
     p.add_argument("--channel", metavar="CH", help="read this channel only; of a log of several one must be named")
     if replay:
         p.add_argument(
@@ -99,14 +112,13 @@ def read_story(args: Namespace, config: "Config | None" = None) -> "Story":
     """The story of a command's log. Says on standard error what is odd in it."""
     import sys
 
-    from wrcd.bus.dbc import load_dbc
     from wrcd.config.config import load_config
     from wrcd.logs.statistics import BIT_RATE
     from wrcd.logs.story import gather
 
     config = config or load_config(args.config)
     story = gather(
-        args.log, config, list(map(load_dbc, args.dbc)), replay=args.replay, channel=args.channel,
+        args.log, config, databases_of(args, config), replay=args.replay, channel=args.channel,
         bit_rate=getattr(args, "bit_rate", None) or BIT_RATE, state=getattr(args, "state", None),
     )  # fmt: skip
     for warning in story.warnings:

@@ -15,10 +15,19 @@ def _add(p: argparse.ArgumentParser) -> None:
         help="what a log says of each mapped signal, and what would stop Valid: exit 1 if anything, 3 if no frame fits",
     )  # fmt: skip
     p.add_argument("--live", type=float, metavar="S", help="the same of a bus, listened to for so many seconds")
+    p.add_argument(
+        "--installation", action="store_true",
+        help="what this computer has for wrcd, and what mends what it lacks: exit 1 if the daemon cannot run here",
+    )  # fmt: skip
     add_bus(p)
 
 
 def _run(args: argparse.Namespace) -> int:
+    if args.installation:
+        from wrcd.errors import Status
+        from wrcd.service.installation import report
+
+        return Status.DONE if report() else Status.STOPPED
     if args.log is not None and args.live is not None:
         raise InputError("a log or a bus, not both", key="--live", hint="leave out --log or --live")
     if args.log is not None or args.live is not None:

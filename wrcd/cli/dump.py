@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from wrcd.cli.arguments import add_bus, add_dbc
+from wrcd.cli.arguments import add_bus, add_dbc, databases_of
 from wrcd.cli.program import Subcommand
 from wrcd.errors import InputError, Status
 
@@ -42,7 +42,6 @@ def _add(p: argparse.ArgumentParser) -> None:
 
 def _run(args: argparse.Namespace) -> int:
     """Print frames of a log, of standard input or of a bus."""
-    from wrcd.bus.dbc import load_dbc
     from wrcd.bus.positions import message_key
     from wrcd.colour import coloured
     from wrcd.config.config import load_config
@@ -54,7 +53,7 @@ def _run(args: argparse.Namespace) -> int:
     if args.state:
         return _state(args, config)
     # of an id that is in several, the first one's: what was named comes before the configuration's
-    databases = (*map(load_dbc, args.dbc), config.database)
+    databases = (*(more := databases_of(args, config))[: len(args.dbc)], config.database, *more[len(args.dbc) :])
     messages = {message_key(m): m for database in reversed(databases) for m in reversed(database.messages)}
     wanted = _wanted(args, config, messages)
     damage = Damage()
@@ -85,7 +84,6 @@ def _state(args: argparse.Namespace, config: "Config") -> int:
     """Print the newest state of a log's or a bus's axles. Raises InputError."""
     import shutil
 
-    from wrcd.bus.dbc import load_dbc
     from wrcd.colour import coloured
     from wrcd.logs.bus_of import bus_of
     from wrcd.logs.statistics import BIT_RATE
@@ -95,7 +93,7 @@ def _state(args: argparse.Namespace, config: "Config") -> int:
 
     if args.log == PIPE or args.axle or args.message or args.id or args.count:
         raise InputError("takes a log or a bus, and all of it", key="--state", hint="leave out the others")
-    databases = [load_dbc(file) for file in args.dbc]
+    databases = databases_of(args, config)
     if args.log is None:
         source: FrameSource = open_source(config, *bus_of(args, config))
         model, warnings = BusModel(config, databases), list[str]()

@@ -5,7 +5,7 @@ import os
 import sys
 from pathlib import Path
 
-from wrcd.cli.arguments import add_bit_rate, add_bus, add_dbc, check_bit_rate
+from wrcd.cli.arguments import add_bit_rate, add_bus, add_dbc, check_bit_rate, databases_of
 from wrcd.cli.program import Subcommand
 from wrcd.errors import InputError, need
 
@@ -14,7 +14,7 @@ def _add(p: argparse.ArgumentParser) -> None:
     p.add_argument("log", nargs="?", type=Path, metavar="LOG", help="a log instead of a bus")
     add_bus(p)
     p.add_argument("--config", type=Path, metavar="FILE", help="configuration whose messages are shown")
-    add_dbc(p, "; the rig's, dbc/sim_ecu.dbc, gives the truth")
+    add_dbc(p, ", for another rig's truth (SimTruth_A1 …)")
     add_bit_rate(p)
 
 
@@ -30,7 +30,6 @@ def _run(args: argparse.Namespace) -> int:
             key="monitor",
             hint="over SSH ssh -t; for a pipe there is wrcd dump",
         )
-    from wrcd.bus.dbc import load_dbc
     from wrcd.config.config import load_config
     from wrcd.logs.bus_of import bus_of
     from wrcd.logs.statistics import BIT_RATE
@@ -38,7 +37,7 @@ def _run(args: argparse.Namespace) -> int:
     from wrcd.monitor.sources import FrameSource, NoMore, ReaderProcess, model_of_log, open_source
 
     config = load_config(args.config)
-    databases = [load_dbc(file) for file in args.dbc]
+    databases = databases_of(args, config)
     rate = args.bit_rate or BIT_RATE
     note = ""
     if args.log is not None:
@@ -67,7 +66,7 @@ COMMAND = Subcommand(
     "monitor",
     "show on a terminal what a daemon says, live or of a log; it sends nothing",
     (
-        ("wrcd monitor -i socketcan -c vcan0 --dbc dbc/sim_ecu.dbc", "a bus, with the rig's truth beside the estimate"),
+        ("wrcd monitor -i socketcan -c vcan0", "a bus; the rig's truth, if it is there, beside the estimate"),
         ("wrcd monitor ride.log", "a log, with the cursor where the adhesion first fell; w tells why"),
     ),
     _add,

@@ -42,7 +42,7 @@ COMMAND = Subcommand(
     "why adhesion and Validity were what they were at a moment of a log",
     (
         ("wrcd why ride.log 2.5", "2.5 s after the first frame, of every axle"),
-        ("wrcd why ride.log 9.3 --axle 2 --dbc dbc/sim_ecu.dbc", "axle 2 alone, and the rig's truth beside it"),
+        ("wrcd why ride.log 9.3 --axle 2", "axle 2 alone; the rig's truth, if the log has it, beside it"),
     ),
     _add,
     _run,

@@ -21,13 +21,13 @@ SIGNALS = {"MuAvailable", "MuUsed"}
 
 
 def truths(databases: Sequence[Database]) -> dict[int, Message]:
-    """The messages that carry the truth, by axle; of several DBCs the last wins."""
+    """The messages that carry the truth, by axle; of several DBCs the first wins."""
     out: dict[int, Message] = {}
     for database in databases:
         for m in database.messages:
             found = NAME.fullmatch(m.name)
             if found and {s.name for s in m.signals} >= SIGNALS and m.name not in database.unsound:
-                out[int(found[1])] = m
+                out.setdefault(int(found[1]), m)
     return out
 
 
