@@ -51,6 +51,9 @@ def test_report_is_drawn_zooms_explains_and_fits_a_narrow_screen(tmp_path: Path)
             for axle in range(1, AXLES + 1):
                 assert page.locator(f'figure[data-plot="axle{axle}.time"]').count() == 1
             fits(found, WIDE)
+            box = page.locator('figure[data-plot="axle1.time"]').bounding_box()
+            assert box is not None
+            assert box["width"] > 0.9 * WIDE  # what stands at the cursor is below, not beside
             begins_s = [(e.begin_us - BEGIN_US) / 1e6 for e in story.axles[0].events]
             for key, event in (("n", 0), ("n", 1), ("p", 0)):
                 page.keyboard.press(key)
