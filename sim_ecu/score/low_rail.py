@@ -50,7 +50,7 @@ class LowRule(NamedTuple):
 
 # By other places and trains than the score's: lots -1 and -2 of the suite map. Where most of three or more must agree,
 # each passage may be less sure.
-RULE, RULE_OF_THREE, THREE = LowRule(18.0, 0.9), LowRule(20.0, 1.0), 3
+RULE, RULE_OF_THREE, THREE = LowRule(16.0, 1.0), LowRule(18.0, 1.1), 3
 
 
 def blocks_of(axles: Sequence[AxleWords]) -> TrackBlocks:
