@@ -14,9 +14,9 @@ from wrcd.resources import DBC
 _PLAYED = {**scenario_keys.TABLES, "axle.N": (scenario_keys.POSITION,)}  # the others are as at the top level
 # By file and table; of a scenario to drive, what one to play has not.
 TABLES: dict[str, list[Key]] = {f"scenario {table}".strip(): [*keys] for table, keys in _PLAYED.items()}
-for _table, _keys in drive_scenario.TABLES.items():
+for _table, _driven in drive_scenario.TABLES.items():
     if _table != "axle.N":
-        TABLES[f"drive {_table}".strip()] = [key for key in _keys if key not in _PLAYED.get(_table, ())]
+        TABLES[f"drive {_table}".strip()] = [key for key in _driven if key not in _PLAYED.get(_table, ())]
 MARK = re.compile(r"^```\{(keys|signals)\} ([\w. ]+)\n```$", re.MULTILINE)
 OF_EVERY_MESSAGE = ("Crc", "Counter", "Status")
 LARGE = 1e9  # an end so far off says nothing
@@ -30,9 +30,10 @@ def with_tables(page: str) -> str:
 def takes(key: Key) -> str:
     """Return what a key takes, in words; nothing where its text says it."""
     if isinstance(key, Choice):
-        return ", ".join(key.options)
+        return ", ".join(sorted(key.options) if key is scenario_keys.CURVE else key.options)
     if isinstance(key, (Number, Whole, scenario_keys.Over)):
-        ends = "" if key.high >= LARGE else f"{key.low:g} … {key.high:g}"
+        from_low = "above 0" if 0.0 < key.low <= 1.0 / LARGE else f"from {key.low:g}"
+        ends = from_low if key.high >= LARGE else f"{key.low:g} … {key.high:g}"
         return f"{ends} {getattr(key, 'unit', '')}".strip() + " ⁺" * isinstance(key, scenario_keys.Over)
     return "true, false" if isinstance(key, Flag) else "[low, high]" if isinstance(key, Interval) else ""
 
@@ -46,6 +47,7 @@ def _keys(keys: Sequence[Key]) -> Iterator[str]:
 
 def _signals(message: str) -> Iterator[str]:
     found = {m.name: m for file in (DBC, TRUTH_DBC) for m in load_dbc(file).messages}[message]
+    yield from (f"**{message.removesuffix('_A1')}**", "")
     yield "| signal | step, range | what | values |"
     yield "|---|---|---|---|"
     for s in found.signals:

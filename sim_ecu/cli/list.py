@@ -17,8 +17,8 @@ def _run(_args: argparse.Namespace) -> int:
         for file in sorted(folder.glob("*.toml")):
             stated = tomllib.loads(file.read_text())
             axles = len(stated.get("axles", [1]))
-            length = f"{stated['duration_s']:4.0f} s, {axles} axle{'s' * (axles > 1)}{more}"
-            print(f"{file.stem:19} {length}: {stated['title']}", flush=True)
+            size = f"{stated['duration_s']:4.0f} s, {axles} axle{'s' * (axles > 1)}{more}"
+            print(f"{file.stem:19} {size}: {stated['title']}", flush=True)
 
     from sim_ecu.physics.contact import CURVES
     from sim_ecu.physics.stability import hunting_speed_m_s

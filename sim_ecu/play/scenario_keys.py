@@ -122,7 +122,10 @@ _OF_WHEELSET = {
     "L_g": ("m", "half gauge"),
     "gamma": ("", "conicity"),
     "k_w": ("N m/rad", "yaw stiffness to the ground; of a lone wheelset alone"),
-    "M_v": ("kg", "vehicle mass that it carries, twice a wheel's load; in a bogie it follows from the masses"),
+    "M_v": (
+        "kg",
+        "mass that it carries, twice a wheel's load; in a bogie it follows from the masses: a given one is refused",
+    ),
     "I_R": ("kg m²", "inertia of the driven (right) wheel with its drive"),
     "I_L": ("kg m²", "of the other wheel"),
     "k_s": ("N m/rad", "torsional stiffness of the shaft"),

@@ -157,8 +157,11 @@ def _documents(tree: Path) -> None:
     entry = f"wrcd ({__version__}) unstable; urgency=medium\n\n  * As CHANGELOG.md says.\n\n -- {MAINTAINER}  {date}\n"
     (folder / "changelog.gz").write_bytes(gzip.compress(entry.encode(), 9, mtime=0))
     (folder / "NEWS.gz").write_bytes(gzip.compress((ROOT / "CHANGELOG.md").read_bytes(), 9, mtime=0))
+    sys.path.insert(0, str(ROOT / "docs"))
+    from tables import with_tables
+
     for name in REFERENCE:
-        shutil.copy(ROOT / "docs/reference" / name, folder)
+        (folder / name).write_text(with_tables((ROOT / "docs/reference" / name).read_text()))
     overrides = tree / "usr/share/lintian/overrides"
     overrides.mkdir(parents=True)
     shutil.copy(ROOT / "systemd/deb/lintian-overrides", overrides / "wrcd")

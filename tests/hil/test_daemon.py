@@ -123,6 +123,14 @@ def test_silence_of_the_sensors_is_no_step_of_time() -> None:
     assert ", 0 steps of time" in e.said
 
 
+def test_state_of_every_axle_is_printed_while_the_daemon_runs() -> None:
+    bus, daemon, head, *axles = recorded("six").read("state").splitlines()
+    assert " socketcan:vcan0 " in bus
+    assert daemon.startswith("daemon ")
+    assert head.split()[:3] == ["axle", "state", "available"]
+    assert [line.split()[0] for line in axles] == list("123456")  # in which state depends on the guest's moment
+
+
 def test_sigusr1_dump_replays_to_what_was_sent() -> None:
     """It begins with the daemon, so a core makes of it what was sent while inputs came. It holds what the kernel let
     in, at the kernel's stamps: no frame that is not mapped."""

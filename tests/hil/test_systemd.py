@@ -90,9 +90,10 @@ def test_installation_is_described_with_what_mends_it(recording: Recording) -> N
     for found in (
         r"ok +wrcd +.*/opt/wrcd", r"ok +library in C +compiled by", r"ok +CAN in the kernel +SocketCAN",
         r"ok +CAN interface +vcan0 up", r"ok +receive buffer +8388608 bytes", r"- +extra bench +not installed",
+        r"- +real-time priority +none",
         r"ok +unit +/\S+/wrcd@\.service", r"ok +configuration +/etc/wrcd/vcan0\.toml: axles 1",
-        r"MISSING +configuration +/etc/wrcd/vcan1\.toml",
-        r" +wrcd check --config /etc/wrcd/vcan1\.toml: .*min_sped_m_s",
+        r"NO +configuration +/etc/wrcd/vcan1\.toml is refused",
+        r" +wrcd check --config /etc/wrcd/vcan1\.toml$", r" +/etc/wrcd/vcan1\.toml:.*min_sped_m_s",
     ):  # fmt: skip
         assert re.search(rf"^{found}", said, re.MULTILINE), (found, said)
     assert recording.status("upgraded/installation") == 1

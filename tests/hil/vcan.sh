@@ -98,6 +98,7 @@ end
 
 begin six vcan0 six.toml
 played six.log
+wrcd dump -i socketcan -c vcan0 --config six.toml --state >state
 end
 
 # three faults of the matrix

@@ -122,7 +122,9 @@ def completed(script: Path, *words: str) -> list[str]:
 
 
 @NEEDS_DPKG
-def test_package_brings_a_manual_page_and_completion_of_every_command(package: Path, tmp_path: Path) -> None:
+def test_package_brings_a_manual_page_completion_of_every_command_and_the_messages(
+    package: Path, tmp_path: Path
+) -> None:
     subprocess.run(["dpkg-deb", "--extract", package, tmp_path], check=True)
     page = gzip.decompress((tmp_path / "usr/share/man/man1/wrcd.1.gz").read_bytes()).decode()
     assert [line for line in page.splitlines() if line.startswith(".SH wrcd ")] == [f".SH wrcd {n}" for n in WRCD.names]
@@ -132,6 +134,9 @@ def test_package_brings_a_manual_page_and_completion_of_every_command(package: P
     assert completed(script, "wrcd", "run", "--config", "wr") == ["wrcd"]
     zsh = tmp_path / "usr/share/zsh/vendor-completions/_wrcd"
     assert zsh.read_text().startswith("#compdef wrcd\n")
+    messages = (tmp_path / "usr/share/doc/wrcd/messages.md").read_text()  # with what the site puts there
+    assert "{signals}" not in messages
+    assert "\n| MuAvailable | 0.01 %, 0 … 100 | " in messages
 
 
 @NEEDS_DPKG

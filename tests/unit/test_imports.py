@@ -76,7 +76,7 @@ BUDGETS = {
     "systemd": 593,
     "wrcd": 261,
     "wrcd/bus": 2710,
-    "wrcd/cli": 1220,
+    "wrcd/cli": 1230,
     "wrcd/config": 2668,
     "wrcd/contract": 1312,
     "wrcd/core": 8340,
@@ -87,7 +87,7 @@ BUDGETS = {
     "wrcd/monitor": 2554,
     "wrcd/recorder": 705,
     "wrcd/report": 2641,
-    "wrcd/service": 700,
+    "wrcd/service": 730,
 }
 NO_LINES = {".json", ".dbc", ".so", ".pyc"}  # data, and what is built
 BUILT = re.compile(r"/__pycache__/|\.egg-info/")

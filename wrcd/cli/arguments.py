@@ -104,7 +104,10 @@ def add_log(p: argparse.ArgumentParser, *, replay: bool = True) -> None:
 def add_state(p: argparse.ArgumentParser) -> None:
     """--state of whatever estimates over a log."""
     p.add_argument(
-        "--state", type=Path, metavar="FILE", help="begin with what slides had revealed: NAME.state.json of a dump"
+        "--state",
+        type=Path,
+        metavar="FILE",
+        help="estimate, and begin with what slides had revealed: NAME.state.json of a dump",
     )
 
 

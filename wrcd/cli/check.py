@@ -17,12 +17,14 @@ def _add(p: argparse.ArgumentParser) -> None:
     p.add_argument("--live", type=float, metavar="S", help="the same of a bus, listened to for so many seconds")
     p.add_argument(
         "--installation", action="store_true",
-        help="what this computer has for wrcd, and what mends what it lacks: exit 1 if the daemon cannot run here",
+        help="what this computer has for wrcd, and what mends what it lacks: exit 1 if a line says NO",
     )  # fmt: skip
     add_bus(p)
 
 
 def _run(args: argparse.Namespace) -> int:
+    if args.installation and (args.config or args.log or args.live is not None or args.interface or args.channel):
+        raise InputError("is of the computer alone", key="--installation", hint="leave out the other options")
     if args.installation:
         from wrcd.errors import Status
         from wrcd.service.installation import report

@@ -37,7 +37,11 @@ def _add(p: argparse.ArgumentParser) -> None:
     p.add_argument("--id", action="append", metavar="HEX", help="only this id: 101, or 18FEF1FE of 29 bits")
     add_dbc(p, ", which wins over the configuration's")
     p.add_argument("--config", type=Path, metavar="FILE", help="configuration whose DBC decodes")
-    p.add_argument("--state", action="store_true", help="print the newest state of every axle, and end")
+    p.add_argument(
+        "--state",
+        action="store_true",
+        help="print the newest state of every axle, and end; of a bus after each message",
+    )
 
 
 def _run(args: argparse.Namespace) -> int:
@@ -109,7 +113,7 @@ def _state(args: argparse.Namespace, config: "Config") -> int:
         source.close()
     for warning in warnings:
         print(f"wrcd: warning: {warning}", file=sys.stderr)
-    return Status.DONE
+    return Status.DONE if model.is_whole else Status.STOPPED
 
 
 def _wanted(args: argparse.Namespace, config: "Config", messages: Mapping[int, "Message"]) -> frozenset[int] | None:

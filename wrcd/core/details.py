@@ -27,10 +27,8 @@ class Details:
 
     def __init__(self, config: Config, mapped: Mapped) -> None:
         self._config, self._design = config, config.design
-        self._sources, self._steps = (
-            [s.source for s in mapped.signals],
-            [abs(s.scale * s.factor) for s in mapped.signals],
-        )
+        self._sources = [s.source for s in mapped.signals]
+        self._steps = [abs(s.scale * s.factor) for s in mapped.signals]
         self._of_tick: dict[Cause, Callable[[Event], str]] = {
             Cause.INPUT_STALE: self._overdue, Cause.INPUT_SILENT: self._overdue, Cause.TWO_SENDERS: self._contested,
             Cause.SENSOR_DEGRADED: self._degraded, Cause.UNCHANGED: self._unchanged,
@@ -137,7 +135,7 @@ class Details:
             value, run = e["number"][2 * k], int(e["number"][2 * k + 1])
             of, step = self._sources[number].quantity, self._steps[number]
             noise = float(self._design.noise_rms[QUANTITIES.index(of)])
-            why = f"step {step:.2g}, noise {noise:.2g}" + ": too coarse?" * (step > noise)
+            why = f"step {step:.2g}, the design's noise {noise:.2g}" + ": too coarse?" * (step > noise)
             repeated = f"{self._name(QUANTITIES.index(of), e)} repeated {value:.6g} {of.unit}"
             return f"{repeated} in {run + 1} consecutive frames ({why})"
 
@@ -160,7 +158,7 @@ class Details:
         return " against ".join(f"{s.quantity.words} {s.message}.{s.signal} {x / 1000:.2f} kN m" for s, x in torques)
 
     def _load(self, e: Event) -> str:
-        design, (low, high) = self._design.normal_N / 500, LOAD_SHARES
+        design, (low, high) = 2 * self._design.normal_N / 1000, LOAD_SHARES
         return f"{self._name(LOAD, e)} {e['number'][0] / 1000:.1f} kN, design {design:.1f} kN ({low:g} to {high:g})"
 
     def _radius(self, e: Event) -> str:

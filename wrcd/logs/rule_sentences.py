@@ -55,7 +55,7 @@ GLOSSARY = (
     "and stays; a slip cycle comes back.",
 )
 
-CORRECTED = ", corrected by "
+CORRECTED = ", the output corrected by "
 MIN_SHARE = 0.15  # slopes smaller than this share of a rule's largest are left out of its sentence
 
 

@@ -101,10 +101,10 @@ def _seconds(scan: Scan) -> NDArray[np.int64]:
 
 
 def _known(config: Config, databases: Sequence[Database]) -> tuple[dict[int, str], dict[int, float]]:
-    """Names and cycles by key; the configuration's DBC wins."""
+    """Names and cycles by key; the configuration's DBC wins, then the first."""
     names: dict[int, str] = {}
     cycles: dict[int, float] = {}
-    for database in (*databases, config.database):
+    for database in (*reversed(databases), config.database):
         for m in database.messages:
             key = message_key(m)
             names[key] = m.name

@@ -281,6 +281,7 @@ class BusModel:
         self.clock_steps = 0
         self.source = "frames of the bus"  # what its axles' columns are
         self.is_estimated = False  # they are no frames of the bus, but made here
+        self.is_whole = True  # all of a log could be read
         self.has_truth = False
         self._own = OwnFrames(config)
         self._correction_us = 0  # what makes time of stamps: a clock that steps back must not turn time round
@@ -298,6 +299,7 @@ class BusModel:
                 self.of_axle[decoder.axle].append(watched)
             else:
                 self.daemon[decoder.kind] = DaemonMessage(decoder)
+        self.slowest_us = max((d.cycle_us for d in self._own.decoders.values()), default=0)
         self._truths = {n: m for n, m in truths(databases).items() if message_key(m) not in self.watched}
         for message in self._truths.values():
             truth(Scan(Path()), message)  # raises InputError

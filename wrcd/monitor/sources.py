@@ -197,7 +197,7 @@ def model_of_log(
     with LogReader(log, channel, shows=True) as reader:
         for batch in _batches(reader.monotonic()):
             model.take(batch, 0)
-    model.source, warnings = SENT, reader.warnings
+    model.source, model.is_whole, warnings = SENT, reader.whole, reader.warnings
     model.clock_steps += len(reader.clock.steps)
     if not any(len(a.held.adhesion) for a in model.axles):
         model.take_estimated(estimate(log, config, channel), reader.clock.gaps)

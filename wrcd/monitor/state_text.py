@@ -9,7 +9,7 @@ from wrcd.monitor.canvas import STYLES, Canvas, Rect
 from wrcd.monitor.panels import SourceState, axle_at, draw_axles, draw_status
 from wrcd.monitor.sources import FrameSource, ReaderProcess
 
-LISTEN_S = 1.2  # the slowest message comes every second
+CYCLES = 1.2  # of the slowest message of the daemon's, so that each comes once
 STEP_S = 0.05
 HEAD_LINES, NONE_CHOSEN = 2, -1
 BOLD = {"good": "\033[1;32m", "warn": "\033[1;33m", "bad": "\033[1;31m"}
@@ -17,10 +17,10 @@ PLAIN = "\033[0m"
 
 
 def listen(model: BusModel, source: FrameSource) -> None:
-    """Give the model LISTEN_S of a bus. Raises BusError where it cannot be opened."""
+    """Give the model so much of a bus that each of the daemon's messages comes. Raises BusError where none opens."""
     if isinstance(source, ReaderProcess):
         source.wait_open()
-    end = time.monotonic() + LISTEN_S
+    end = time.monotonic() + CYCLES * model.slowest_us / 1e6
     while time.monotonic() < end:
         time.sleep(STEP_S)
         for batch, until_us in source.take():

@@ -105,7 +105,7 @@ def calibrate(
     left_out[LeftOut.MISFIT] += trimmed
     c = Calibration(known, blocks, left_out, fit, _refusal(fit))
     if not c.refused and not any(map(c.is_told, NEEDED)):
-        return replace(c, refused="neither conicity nor yaw stiffness nor yaw damper can be told from this")
+        return replace(c, refused="neither conicity nor yaw stiffness nor yaw damper is known from this")
     return c
 
 

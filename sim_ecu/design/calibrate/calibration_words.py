@@ -49,7 +49,7 @@ def constants(c: Calibration) -> Iterator[tuple[str, float, str, str]]:
 
 def _remark(c: Calibration, name: str) -> str:
     if not c.is_told(name):
-        return "cannot be told from this" + f": within {100 * NEEDED.get(name, 0):.0f} % is needed" * (name in NEEDED)
+        return "is not known from this" + f": within {100 * NEEDED.get(name, 0):.0f} % is needed" * (name in NEEDED)
     if name in c.lacking:
         return f"not known well enough: within {100 * NEEDED[name]:.0f} % is needed"
     return "known well enough" if name in NEEDED else ""

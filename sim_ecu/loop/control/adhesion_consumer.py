@@ -108,7 +108,7 @@ MAX_DROPPED, DROPS_WITHIN_US = 5, 1_000_000  # more dropped frames than this in 
 NEEDED = ("Validity", "MuAvailable", "Confidence")
 HALF_WIDTHS = {name: width / 100.0 for width, name in CONFIDENCES[:-1]}
 WIDER = CONFIDENCES[-1][1]
-NOTHING_YET = "nothing heard yet"
+NOTHING_YET = "nothing has come yet"
 
 
 @dataclass(frozen=True, slots=True)

@@ -74,7 +74,7 @@ class InputWatch(Watch):
         names = [f"{kind}_A{n}" for n in axles for kind in ("WheelSpeed", "BrakePressure")]
         frames = [driver_demand(), *(NewestFrame(rig_message(name)) for name in names)]
         self._frames = {f.message.frame_id: f for f in frames}
-        self._silences = Silences(["DriverDemand", *names], CYCLE_US, {NONE_YET: "not heard yet", SILENT: "silent"})
+        self._silences = Silences(["DriverDemand", *names], CYCLE_US, {NONE_YET: "has not come yet", SILENT: "silent"})
         self._taken = dict.fromkeys(self._frames, 0)
         self.ids = tuple(self._frames)
 

@@ -134,7 +134,7 @@ def clock_step(sim: SensorSimulator) -> None:
         (
             lambda sim: sim.during(60, frozen=True),
             "Unchanged: yaw rate YawRate_A1.YawRate repeated 0.0006 rad/s in 7 consecutive frames "
-            "(step 1e-06, noise 0.0003)",
+            "(step 1e-06, the design's noise 0.0003)",
         ),
         (lambda sim: sim.during(60, speed=40.0), "Restarted: speed VehicleSpeed.Speed jumped to 40.00 m/s"),
         (standstill, "Standstill: speed VehicleSpeed.Speed 2.80 m/s, limit 3"),

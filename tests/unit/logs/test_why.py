@@ -133,7 +133,7 @@ def test_answer_without_detail_says_why_there_is_none(config: Config, sends: boo
 
 
 def test_rule_is_shortened_to_what_moves_it_most() -> None:
-    head = "If a, then adhesion 26.5 % (output 24), corrected by -10 per doubling of x, +8 per 0.1 of a, up or down, "
+    head = "If a, then adhesion 26.5 % (output 24), the output corrected by -10 per doubling of x, +8 per 0.1 of a, b, "
     assert shortened(f"{head}-4 per 0.1 of y, +5 per doubling of z.") == f"{head}+5 per doubling of z and 1 more"
     assert shortened("If a, then Low (output 3, adhesion 2.0 %).") == "If a, then Low (output 3, adhesion 2.0 %)"
 

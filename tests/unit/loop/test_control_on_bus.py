@@ -58,7 +58,7 @@ def test_silent_and_heard_inputs_are_told(wire: Wire) -> None:
     wire.turns(1.0)
     wire.turns(0.5, rig=False)
     wire.turns(0.5)
-    assert wire.lines.at_s("DriverDemand, WheelSpeed_A1, BrakePressure_A1: not heard yet") == [pytest.approx(0.01)]
+    assert wire.lines.at_s("DriverDemand, WheelSpeed_A1, BrakePressure_A1: has not come yet") == [pytest.approx(0.01)]
     assert wire.lines.at_s("WheelSpeed_A1: heard after 0.5") == [pytest.approx(0.52, abs=0.02)]
     assert len(wire.lines.at_s("WheelSpeed_A1: silent")) == 1
     assert wire.lines.at_s("WheelSpeed_A1: again after 0.4")

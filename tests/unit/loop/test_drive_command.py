@@ -101,5 +101,5 @@ class Told(io.StringIO):
 def test_control_ends_after_its_time_with_its_counts(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["control", "thresholds", "-i", "virtual", "-c", "control-command", "--for", "0.3"]) == 0
     said = capsys.readouterr()
-    assert "DriverDemand, WheelSpeed_A1, BrakePressure_A1: not heard yet" in said.err
+    assert "DriverDemand, WheelSpeed_A1, BrakePressure_A1: has not come yet" in said.err
     assert "WheelSpeed_A1    never came" in said.out

@@ -56,7 +56,7 @@ def test_three_processes_of_the_page_drive_to_the_end(tmp_path: Path) -> None:
     assert document["demand"]["1"]["heard"]
     # a process that is held up leaves cycles out: of more than two the next frame is rejected
     assert {why for why, n in document["demand"]["1"]["rejected"].items() if n} <= {"counter"}
-    assert "not heard yet" in (tmp_path / "controller").read_text()
+    assert "has not come yet" in (tmp_path / "controller").read_text()
     for name in ("controller", "daemon"):
         assert "somebody else" not in (tmp_path / name).read_text()
     ids = [f.can_id for f, _ in read_log(tmp_path / "bus.log", Damage())]

@@ -1,8 +1,11 @@
 """`wrcd dump --state`: the newest state of every axle, of a log and of a bus."""
 
+import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import can
 import pytest
 
 from tests.support.daemon_frames import GOOD, DaemonFrames
@@ -54,6 +57,40 @@ def test_state_of_a_bus_is_what_came_while_it_was_listened_to(config: Config) ->
     silent.take(Batch.of_frames(frames), frames[-1].stamp_us + 5_000_000)
     silent.update()
     assert "○ silent" in list(state_lines(silent, source.state(), 100, colour=False))[1]
+
+
+def test_state_of_a_bus_of_python_can(config: Config, capsys: pytest.CaptureFixture[str]) -> None:
+    """The command itself, while somebody sends."""
+    sender, over = can.Bus(interface="virtual", channel="state-test"), threading.Event()
+    frames = DaemonFrames(config).stretch(0, 100_000, GOOD)
+
+    def send() -> None:
+        while not over.is_set():
+            for frame in frames:
+                sender.send(can.Message(arbitration_id=frame.can_id, data=frame.data, is_extended_id=False))
+            time.sleep(0.02)
+
+    sending = threading.Thread(target=send)
+    sending.start()
+    try:
+        assert main(["dump", "-i", "virtual", "-c", "state-test", "--state"]) == 0
+    finally:
+        over.set()
+        sending.join()
+        sender.shutdown()
+    bus, daemon, head, axle, hidden = capsys.readouterr().out.splitlines()
+    assert "virtual:state-test" in bus
+    assert daemon.startswith("daemon ")
+    assert head.split()[0] == "axle"
+    assert axle.split()[0] == "1"
+    assert "3 more are configured" in hidden
+
+
+def test_state_of_a_damaged_log_ends_as_a_dump_of_it_does(tmp_path: Path) -> None:
+    log = tmp_path / "cut.log"
+    text = Path("tests/golden/leaf-film.log").read_text()
+    log.write_text(text[: len(text) // 2] + "\nno frame\n" + text[len(text) // 2 :])
+    assert main(["dump", str(log), "--state"]) == main(["dump", str(log)]) == 1
 
 
 @pytest.mark.parametrize("also", [["-n", "3"], ["--axle", "1"], ["--message", "WrcdStatus"], ["--id", "91"]])

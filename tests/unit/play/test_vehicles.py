@@ -1,6 +1,8 @@
 """The packaged vehicles: listed with the speed from which they hunt, and taken as briefs."""
 
 import re
+import subprocess
+import sys
 from dataclasses import asdict
 from pathlib import Path
 
@@ -8,10 +10,12 @@ import pytest
 
 from sim_ecu.cli.main import main
 from sim_ecu.design.brief import read_brief, written
+from sim_ecu.loop.drive_scenario import load_drive_scenario
 from sim_ecu.physics.wheelset import Bogie
 from sim_ecu.play.scenario import load_scenario, packaged
 from sim_ecu.play.suspension import conversions
 from sim_ecu.play.vehicles import load_vehicle, packaged_vehicles, read_vehicle, vehicle_path, vehicle_title
+from sim_ecu.resources import TO_DRIVE
 from wrcd.config.settings import parse_toml, read_toml
 from wrcd.errors import InputError
 
@@ -24,12 +28,27 @@ def test_list_has_a_line_for_each_scenario_and_each_vehicle_with_its_hunting(
     for name in packaged_vehicles():
         assert vehicle_title(name) != name
         assert lines[name].endswith(f": {vehicle_title(name)}")
-    for name in packaged():
-        s = load_scenario(name)
+    played = {name: (load_scenario(name), "") for name in packaged()}
+    driven = {name: (load_drive_scenario(name).train, ", to drive") for name in packaged(TO_DRIVE)}
+    for name, (s, more) in (played | driven).items():
         axles = f"{len(s.axles)} axle" + "s" * (len(s.axles) > 1)
-        assert " ".join(lines[name].split()) == f"{name} {s.duration_s:.0f} s, {axles}: {s.title}"
+        assert " ".join(lines[name].split()) == f"{name} {s.duration_s:.0f} s, {axles}{more}: {s.title}"
     assert "hunting on dry rail from 146.7 m/s" in lines["multiple-unit"]
     assert "hunting on dry rail none below 200 m/s" in lines["high-speed-coach"]
+
+
+def test_list_prints_before_the_simulation_is_imported() -> None:
+    code = """
+import builtins, sys
+def first(*args, **_):
+    sys.stdout.write(f"{'numba' in sys.modules} {args[0]}")
+    raise SystemExit(0)
+builtins.print = first
+from sim_ecu.cli.main import main
+main(["list"])
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout.startswith("False all-curves ")
 
 
 @pytest.mark.parametrize("name", packaged_vehicles())

@@ -110,7 +110,7 @@ CODES: dict[str, Code] = {
         "Narrow the range, or correct length, sign, factor or offset.",
     ),
     "no-range": Code(
-        "A broken value cannot be told from a true one.",
+        "A broken value looks like a true one.",
         "State [min|max] of the sensor, or `range` in the configuration.",
     ),
     "start-value-out-of-range": Code(
