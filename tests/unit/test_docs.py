@@ -501,7 +501,7 @@ def test_figures_of_the_score_stand_elsewhere_as_they_are_there() -> None:
     situations = {
         "the design's vehicle": "its own vehicle", "curves with cant": "curves with cant",
         "axle boxes shaken": "sampled inside, shaken", "another vehicle's bogie": "vehicle: another one's bogie",
-        "… once wrcd has noticed, after minutes of calm running": "… after minutes of calm running",
+        "… after wrcd has noticed and widened the interval": "… after minutes of calm running",
     }  # fmt: skip
     assert list(readme) == list(situations)
     for situation, name in situations.items():
