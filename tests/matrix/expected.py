@@ -271,9 +271,7 @@ def _frozen(axle: int, signals: Sequence[str]) -> tuple[str, ...]:
     """The sensor that repeats itself least is refused first, or both at once."""
     first = _pair(signals)
     units = {"yaw_rate": "rad/s", "lateral_acceleration": "m/s2"}
-    same = "; ".join(
-        f"{named(s, axle)} repeated # {units[s]} in # consecutive frames (step #, the design's noise #)" for s in first
-    )
+    same = "; ".join(f"{named(s, axle)} repeated # {units[s]} in # consecutive frames" for s in first)
     stale, silent = (_old(axle, first[-1:], [limit], "# stuck") for limit in (TIMEOUT_MS[first[-1]], SILENT_MS))
     others, is_one = first[:-1], len(first) == 1
     other = "" if is_one else f"[{_old(axle, others, [SILENT_MS] * len(others), '# stuck')}; ]"

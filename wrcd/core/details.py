@@ -135,9 +135,9 @@ class Details:
             value, run = e["number"][2 * k], int(e["number"][2 * k + 1])
             of, step = self._sources[number].quantity, self._steps[number]
             noise = float(self._design.noise_rms[QUANTITIES.index(of)])
-            why = f"step {step:.2g}, the design's noise {noise:.2g}" + ": too coarse?" * (step > noise)
-            repeated = f"{self._name(QUANTITIES.index(of), e)} repeated {value:.6g} {of.unit}"
-            return f"{repeated} in {run + 1} consecutive frames ({why})"
+            coarse = f" (step {step:.2g}, the design's noise {noise:.2g}: too coarse?)" if step > 0.5 * noise else ""
+            named = self._name(QUANTITIES.index(of), e)
+            return f"{named} repeated {value:.6g} {of.unit} in {run + 1} consecutive frames{coarse}"
 
         return self._listed(e, text)
 

@@ -14,7 +14,7 @@ from tests.support.config_texts import AXLE
 from tests.support.sensor_simulator import MS, SensorSimulator, beside
 from tests.support.stepped import health_figures
 from tests.support.told_stages import beginning, change_to, restarted
-from wrcd.config.config import load_config
+from wrcd.config.config import load_config, packaged
 from wrcd.core import events
 from wrcd.core.causes import RESERVED, Cause, Validity
 from wrcd.core.core import Core
@@ -133,8 +133,7 @@ def clock_step(sim: SensorSimulator) -> None:
         (speed_beyond, "SpeedOutOfRange: speed VehicleSpeed.Speed 60.50 m/s, design 3 to 60"),
         (
             lambda sim: sim.during(60, frozen=True),
-            "Unchanged: yaw rate YawRate_A1.YawRate repeated 0.0006 rad/s in 7 consecutive frames "
-            "(step 1e-06, the design's noise 0.0003)",
+            "Unchanged: yaw rate YawRate_A1.YawRate repeated 0.0006 rad/s in 7 consecutive frames",
         ),
         (lambda sim: sim.during(60, speed=40.0), "Restarted: speed VehicleSpeed.Speed jumped to 40.00 m/s"),
         (standstill, "Standstill: speed VehicleSpeed.Speed 2.80 m/s, limit 3"),
@@ -150,6 +149,19 @@ def test_cause_is_said_with_input_and_figures(
     total = sim.core.events.total
     what(sim)
     assert said in "\n".join(texts(sim, total))
+
+
+def test_sensor_whose_step_hides_its_noise_is_asked_about(tmp_path: Path) -> None:
+    coarse = '{ signal = "YawRate_A1.YawRate", scale = 0.01 }'
+    (tmp_path / "wrcd.toml").write_text(packaged(1).replace('"YawRate_A1.YawRate"', coarse))
+    core = Core(load_config(tmp_path / "wrcd.toml"))
+    begun = beginning(core, Cause.UNCHANGED, 0).copy()
+    begun["listed"], begun["input"][0], begun["number"][:2] = 1, 0, (0.02, 6)
+    said = details(core).of(change_to(core, Cause.UNCHANGED, None), begun)
+    assert said == (
+        "yaw rate YawRate_A1.YawRate repeated 0.02 rad/s in 7 consecutive frames "
+        "(step 0.01, the design's noise 0.0003: too coarse?)"
+    )
 
 
 @pytest.mark.parametrize(
