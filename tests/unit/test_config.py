@@ -169,7 +169,7 @@ DAMAGE = {
     "interval.speeds_m_s": lambda d: d["interval"]["speeds_m_s"].reverse(),
     "health.middle": lambda d: d["health"]["middle"].pop(),
     "health.scale": lambda d: d["health"]["scale"].__setitem__(0, 0.0),
-    "health.scale: must be finite numbers of shape (170,)": lambda d: d["health"].update(scale=[1.0] * 194),
+    "health.middle: must be finite numbers of shape (170,)": lambda d: d["health"].update(scale=[1.0] * 170),
     "health.prior": lambda d: d["health"]["prior"].__setitem__(1, 1e-8),
     "health.out_bias": lambda d: d["health"]["out_bias"].pop(),
     "health.states": lambda d: d["health"]["states"].reverse(),

@@ -75,7 +75,7 @@ def test_passages_of_several_trains_are_pooled(tmp_path: Path) -> None:
     assert table.loc[0.9, ["called_low", "is_low"]].tolist() == [1, False]
     assert table.loc[0.5, "available_pct"] == 5.0
     assert list(stretches(table.reset_index())) == ["low rail: km 0.5 to 0.6: 3 of 4 passages, 2 trains, adhesion 5 %"]
-    unsure = [(0.0, 8.0, 19.0, 30.0)]  # which two passages may not call low, but three may
+    unsure = [(0.0, 8.0, 17.0, 30.0)]  # which two passages may not call low, but three may
     assert [bool(by_block([("7401", unsure)] * n)["is_low"][0]) for n in (1, 2, 3)] == [False, False, True]
     draw_track(table.reset_index(), tmp_path / "x.png")
     assert (tmp_path / "x.png").read_bytes().startswith(b"\x89PNG")
