@@ -41,7 +41,7 @@ def places_of(file: Path) -> dict[str, dict[str, Any]]:
 
 
 def by_block(passages: Sequence[tuple[str, Sequence[Sequence[float]]]]) -> pd.DataFrame:
-    """Return a row for each block that a train said enough of, and of the rest of its passage, by kilometre.
+    """Return a row for each block of which a train has enough frames, and of the rest of its passage, by kilometre.
 
     passages: train, and its rows of TrackBlocks.
     """

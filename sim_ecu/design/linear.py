@@ -94,7 +94,7 @@ def _frame(b: Bogie, force: FloatArray) -> FloatArray:
 FREQUENCIES = 4096
 
 
-# scipy's solver orders eigenvalues, and gives up where two of them cannot be told apart: in a bogie at 4 of 672
+# scipy's solver orders eigenvalues, and gives up where two of them are alike: in a bogie at 4 of 672
 # speeds and models. Sensors noisier by a billionth have the same gains, and another order. It gives up at any noise
 # where the pencil is very ill-conditioned, as of a soft bogie with strong yaw dampers.
 NUDGE, NUDGES = 1e-9, 10

@@ -81,7 +81,7 @@ class Brief:
     max_rules: int = 100
     polynomial: str = "fitted"  # or "paper": (16)
     saturated_share: float = 0.93
-    origin: Mapping[str, Any] = field(default_factory=dict, hash=False)  # of numbers that logs told, see `calibrated`
+    origin: Mapping[str, Any] = field(default_factory=dict, hash=False)  # of numbers from logs: see `calibrated`
     unchanged_share: float = 0.9995  # of windows on one rail in which a residual stays within its limit of change
 
 

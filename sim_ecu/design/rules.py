@@ -201,7 +201,7 @@ class _Local:
         self, centres: list[FloatArray], rules: IntArray, inputs: FloatArray, low: FloatArray, high: FloatArray,
         middle: FloatArray, solved: Callable[[float], None],
     ) -> None:  # fmt: skip
-        """solved: is told which share of the steps of all solutions is done; they are solved in threads."""
+        """solved: called with the share of the steps of all solutions that is done; they are solved in threads."""
         self._steps, self._solved, self._counts = 0, solved, Lock()
         w = weights(centres, rules, inputs)
         self.share = (w / np.maximum(w.sum(axis=1), 1e-9)[:, None]).astype(np.float32)

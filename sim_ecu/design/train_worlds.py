@@ -133,7 +133,7 @@ def sentences(w: Wheelset, roughness: tuple[float, float]) -> list[str]:
 
 
 def calibrated(w: Wheelset, origin: Mapping[str, Any]) -> list[str]:
-    """Say which constants a train's own logs told, and when. origin: `date`, and `logs`, a list."""
+    """Say which constants come from a train's own logs, and when. origin: `date`, and `logs`, a list."""
     known = {**({} if w.bogie is None else asdict(w.bogie)), "m_w": w.m_w, "I_w": w.I_w, "gamma": w.gamma}
     facts = ", ".join(f"{name} {value:.4g}" for name, value in known.items() if not name.startswith("flange"))
     logs = origin.get("logs", ())

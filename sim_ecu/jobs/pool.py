@@ -39,7 +39,7 @@ BEGIN_S = 120.0  # without any worker of this computer: none will come
 FETCH_S = 10.0  # of a value: its worker may have ended since it was there
 LATE_S = 60.0  # beyond a job's limit: it loads the rig first
 DASK = {
-    "distributed.scheduler.allowed-failures": 0,  # said at once
+    "distributed.scheduler.allowed-failures": 0,  # reported at once
     "distributed.worker.preload": [__name__],
     "distributed.deploy.lost-worker-timeout": "100 days",  # else one that is just starting anew then is given up
     "distributed.admin.large-graph-warning-threshold": "1TiB",  # recordings are large
@@ -66,7 +66,7 @@ class Stopped(InputError):
 
 @contextmanager
 def kept() -> Iterator[None]:
-    """Around what keeps what is finished: who is stopped is told that the same command goes on."""
+    """Around what keeps what is finished: a person who stops it reads that the same command goes on."""
     try:
         yield
     except Stopped as e:

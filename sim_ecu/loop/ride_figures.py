@@ -167,7 +167,7 @@ def honesty(reported: Mapping[int, AdhesionSeries], steps: Sequence[Step]) -> li
 
 
 def longest_s(hits: BoolArray, stamps_us: NDArray[np.int64]) -> float:
-    """The longest stretch of frames on end, from its first stamp to its last, without a silence between."""
+    """The longest stretch of consecutive frames, from its first stamp to its last, without a silence between."""
     longest = 0
     for hit, part in itertools.groupby(zip(hits.tolist(), stamps_us.tolist(), strict=True), lambda p: p[0]):
         if not hit:

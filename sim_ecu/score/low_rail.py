@@ -54,7 +54,7 @@ RULE, RULE_OF_THREE, THREE = LowRule(16.0, 1.0), LowRule(18.0, 1.1), 3
 
 
 def blocks_of(axles: Sequence[AxleWords]) -> TrackBlocks:
-    """Return a passage's blocks, from what each axle said."""
+    """Return a passage's blocks, from the words of its axles."""
     words = AxleWords(*(np.concatenate(column) for column in zip(*axles, strict=True)))
     axle = np.repeat(np.arange(len(axles)), [len(a.place_m) for a in axles])
     known = np.isfinite(words.place_m)

@@ -206,7 +206,7 @@ _AFTER: dict[tuple[str, str], Core] = {}  # by a run's group and a design's chec
 
 
 def _after(before: Scenario, group: str, config: Config, train: Train) -> Core:
-    """A core that has heard a scenario. Those of one group are alike."""
+    """A core that has run a scenario. Those of one group are alike."""
     core = _AFTER.get((group, config.design.checksum))
     if core is None:
         core = _AFTER[group, config.design.checksum] = Core(config)

@@ -180,7 +180,7 @@ def _config(
 
 
 def _unplaced(train: ConfiguredTrain, one_way: bool, database: Database) -> list[str]:
-    """Why words of axles are not fused though it is said where some of them stand."""
+    """Why words of axles are not fused though some of them have a position."""
     placed = [a.number for a in train.axles if a.position_m is not None]
     speed = next((i.source for i in train.inputs if i.source.quantity is Quantity.SPEED), None)
     knows_way = one_way or any(i.source.quantity is Quantity.DIRECTION for i in train.inputs)

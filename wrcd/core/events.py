@@ -1,7 +1,7 @@
 """Every change of an axle's Validity, and of its cause while it is not Valid: when, from what to what, and why.
 
-The core tells what happened as records; a text is made where somebody looks. What speaks against a tick is told when it
-begins: a slot later it may be over.
+The core gives what happened as records; a text is made where somebody looks. What speaks against a tick is reported
+when it begins: a slot later it may be over.
 """
 
 import csv

@@ -8,7 +8,7 @@ from wrcd.core.design import BoolArray, FloatArray, IntArray
 
 @dataclass(frozen=True, slots=True)
 class Ticks:
-    """Columns of m ticks on end."""
+    """Columns of m consecutive ticks."""
 
     number: int  # of the first
     z: FloatArray  # (m, 2, n)

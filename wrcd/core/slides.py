@@ -25,7 +25,7 @@ class Slides(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """For a person; empty where nothing is to be said."""
+        """For a person; empty where there is nothing to report."""
         if self.bias == 0.0:
             return ""
         off_pct = 100.0 * abs(math.expm1(self.bias))

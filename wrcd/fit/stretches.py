@@ -48,7 +48,7 @@ class LeftOut(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class BogieSignals:
-    """What both wheelsets of a bogie measure, at T ticks on end.
+    """What both wheelsets of a bogie measure, at T consecutive ticks.
 
     z (T, CHANNELS): rad/s, m/s2, NaN where there is none. speed_m_s (T,): NaN where it is not known. ticked (T,): False
     in a gap of the log.

@@ -22,9 +22,9 @@ _PULSE_M_S2, _OUTLIER_RAD_S, _RATIO, _RATIO_AFTER = 5.0, 0.3, 0.06, 0.045
 
 
 def track(design: Design, axles: int, seed: int = 1) -> Ticks:
-    """Ticks on end: each axle as one of the bank's models expects it, after a drop of adhesion as another one does.
+    """Consecutive ticks: each axle as one of the bank's models expects it, after a drop of adhesion as another one.
 
-    With rail joints, lost measurements, an outlier, so many on end that the last axle is reset, an unknown torque.
+    With rail joints, lost measurements, an outlier, so many in a row that the last axle is reset, an unknown torque.
     """
     random = Random(seed)
     grows = np.abs(np.linalg.eigvals(design.Phi[:, (_BEFORE, _AFTER)])).max(axis=(1, 2)) > _MAX_GROWTH

@@ -127,9 +127,9 @@ class _LongIds:
 
 
 def _mf4_reader(damage: Damage) -> type[BinaryIOMessageReader]:
-    """python-can's reader. Error frames that it may not understand are left out, and that is said. Where no member IDE
-    tells ids of 29 bits, bit 31 does, which python-can drops, or their size. A begin in local time is somebody's, and
-    that is said."""
+    """python-can's reader. Error frames that it may not understand are left out, with a warning. Where no member IDE
+    tells ids of 29 bits, bit 31 does, which python-can drops, or their size. A begin in local time is
+    somebody's, and a warning names it."""
 
     class Mf4Reader(can.MF4Reader):
         class _CANDataFrameIterator(_LongIds, can.MF4Reader._CANDataFrameIterator):  # type: ignore[misc]

@@ -166,7 +166,7 @@ def with_gaps(events: Iterable[Event], gaps: Gaps) -> tuple[Event, ...]:
 
 
 BLOCK_US = 200_000  # medians of so long: a single wrong frame is none
-SETTLED_BLOCKS = 5  # a level that lasts: so many blocks on end (a second)
+SETTLED_BLOCKS = 5  # a level that lasts: so many consecutive blocks (a second)
 MAX_REFERENCE_BLOCKS = 50  # of the level before
 MIN_PP, MIN_SHARE = 2.0, 0.2  # a change is at least this, and this share of the higher level
 SETTLED_SHARE = 0.1  # of a change: what is nearer than this to a level belongs to it

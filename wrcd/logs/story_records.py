@@ -212,7 +212,7 @@ class StoryAxle:
         return Spells.of(self.events)
 
     def not_valid_runs(self) -> list[list[Event]]:
-        """Return events on end that are not Valid, run by run. A gap of the log ends a run."""
+        """Return consecutive events that are not Valid, run by run. A gap of the log ends a run."""
         groups = itertools.groupby(self.events, key=lambda e: (e.validity is Validity.VALID, e.is_gap))
         return [list(run) for (valid, gap), run in groups if not (valid or gap)]
 

@@ -23,7 +23,7 @@ BEHIND_US = 10_000
 # A clock steps once and goes on. So many stamps behind among so many frames are frames out of order.
 MIN_BEHIND, AMONG_FRAMES = 3, 1_000
 SORTED_WITHIN_US = 1_000_000
-# A log has no clock to tell a silence from a step of time by. Up to so long between its lines, whoever's they are, is a
+# A log has no clock by which a silence differs from a step of time. Up to so long between any of its lines is a
 # silence, and its slots are made; longer is a gap, as where the recorder was off. What comes after it is the same.
 MAX_SILENCE_US = 60_000_000
 LAST_TICK_US = 20_000  # before a step of the clock: what was not made of it yet

@@ -21,7 +21,7 @@ from wrcd.logs.story_records import Event, Fall, Series, Story, newest, percent,
 NEAR_US = 10_000_000  # a change further away is not what was asked about
 REJECTS_NEAR_US = 2_000_000
 WITHOUT_CHANGE_US = 1_000_000  # before and after a moment that no change is near to
-SETTLED_US = 300_000  # after a change: AdhesionDetail has told of it
+SETTLED_US = 300_000  # after a change: AdhesionDetail has come since
 WIDTH, LABEL = 110, 10
 MIN_CHANGE = 0.5  # of torque in kN m and speed in m/s
 MAX_EVENTS = 5

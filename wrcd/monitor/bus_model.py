@@ -225,7 +225,7 @@ class AxleModel:
         self._buffers[type(record)].append(record.columns())
 
     def know(self, axle: StoryAxle) -> None:
-        """Take what a core made of a log, in place of what the daemon's frames said."""
+        """Take what a core made of a log, in place of the daemon's frames."""
         for kind in (AdhesionRecord, Detail, HealthRecord):
             self._buffers[kind].clear()
         self._keep(axle.adhesion, axle.detail, axle.health)

@@ -38,7 +38,7 @@ def _read(file: Path) -> bytes:
 
 
 class KeptSlides:
-    """Told by the loop after each turn; write takes a line of the log."""
+    """The loop calls it after each turn; write takes a line of the log."""
 
     def __init__(self, file: Path, estimator: Estimator, write: Callable[[str], None]) -> None:
         """Go on from the file, if there is one. What is damaged or of another design is left aside; what cannot be read

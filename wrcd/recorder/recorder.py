@@ -63,7 +63,7 @@ EXIT_S = 3.0  # for a dump that is due when the daemon ends; less than systemd's
 
 
 class Recorder:
-    """Told by the loop of all that comes and goes; turn() between turns, when the core has all of it."""
+    """The loop gives it all that comes and goes; turn() between turns, when the core has all of it."""
 
     def __init__(self, config: RecorderConfig, core: Core, channel: str, write: Callable[[str], None]) -> None:
         if config.folder is None:

@@ -27,7 +27,7 @@ def is_due(next_us: int, now_us: int) -> bool:
 
 
 class ChangeLines:
-    """Told of every change once; what was left out is summed up a second after the line before it."""
+    """Gets every change once; what was left out is summed up a second after the line before it."""
 
     def __init__(self, events: Events, write: Callable[[str], None]) -> None:
         self._events, self._write = events, write

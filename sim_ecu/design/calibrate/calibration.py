@@ -34,7 +34,7 @@ NEEDED = {"gamma": 0.10, "primary_yaw_N_m_rad": 0.20, "secondary_yaw_damping_N_m
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """What came of it. fit: None where there are too few stretches. refused: why no vehicle can be told, or ""."""
+    """What came of it. fit: None where there are too few stretches. refused: why no vehicle is found, or ""."""
 
     known: KnownVehicle
     blocks: Blocks
@@ -68,7 +68,7 @@ class Calibration:
 
     @property
     def intervals(self) -> dict[str, tuple[float, float]]:
-        """By name, between what a constant lies with 90 %; of those that can be told."""
+        """By name, between what a constant lies with 90 %; of those that are known."""
         assert self.fit is not None
         found, out = asdict(self.fit.constants), {}
         for name in filter(self.is_told, PRIOR_SIGMA):

@@ -18,7 +18,7 @@ WORDS = {
     "I_w": "its yaw inertia", "frame_mass_kg": "mass of the frame", "frame_yaw_inertia_kg_m2": "its yaw inertia",
     "r_0": "wheel radius",
 }  # fmt: skip
-# From so much on something is said of a sensor, if it is beyond doubt
+# From so much on a sensor is reported, if it is beyond doubt
 LEAD_S, ASKEW_RAD, GAIN, LATE_S, SPEED, NOISE_TIMES = 0.002, 0.009, 0.03, 0.002, 0.01, 3.0
 # of calm stretches, to be recorded; then the track, or the bogie, tells too little
 MAX_MINUTES, NEVER = 120.0, "no length of such running is enough: record other track"
@@ -40,7 +40,7 @@ def used(c: Calibration) -> list[str]:
 
 
 def constants(c: Calibration) -> Iterator[tuple[str, float, str, str]]:
-    """Of each constant its key, value, 90 % interval in words, and what is to be said of it."""
+    """Of each constant its key, value, 90 % interval in words, and a remark."""
     found = c.wheelset.numbers() | {n: getattr(c.wheelset.bogie, n) for n in KEYS if hasattr(c.wheelset.bogie, n)}
     for name in WORDS:
         ends = c.intervals.get(name)

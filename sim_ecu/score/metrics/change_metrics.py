@@ -24,8 +24,8 @@ class Drop:
     """One change down, seen for LATEST_S or until the next. Seconds and percentage points.
 
     lie_s: Valid with the truth below the interval. settled_s: until a Valid estimate stays within 1 point or 10 %.
-    max_over_pp: the worst over-estimate in a Valid frame. far_s: the longest time on end that a Valid frame says more
-    than FAR_PP too much and the truth lies outside its interval.
+    max_over_pp: the worst over-estimate in a Valid frame. far_s: the longest unbroken time in which Valid frames say
+    more than FAR_PP too much and the truth lies outside its interval.
     """
 
     run: int
@@ -134,5 +134,5 @@ def _holds_from(hits: NDArray[np.bool_], t: Trace, holds_s: float, window: NDArr
 
 
 def _longest(hits: NDArray[np.bool_]) -> int:
-    """The most frames on end."""
+    """The most consecutive frames."""
     return max((len(list(g)) for k, g in itertools.groupby(hits) if k), default=0)

@@ -66,7 +66,7 @@ class World:
 
     vehicle: a packaged one, whose bogie is taken; load and wheel radius stay those of the design, which a configuration
     knows. off: whether its parameters are. wider: by how much the ranges are stretched. known: the world whose runs
-    these are, when the daemon has heard minutes of calm running of such a train before. together: on one rail; torques
+    these are, after minutes of calm running of such a train. together: on one rail; torques
     are VARIED, ALIKE, or of ONE axle. film: there is one on it.
     """
 

@@ -246,7 +246,7 @@ def _gaps(stamps_us: IntArray, begin_us: int, end_us: int, *, whole: bool) -> tu
 
 
 def noise(stamps_us: IntArray, values: FloatArray) -> float:
-    """Rms of the white part of a series: the median square of its fourth difference over neighbours on end."""
+    """Rms of the white part of a series: the median square of its fourth difference over consecutive values."""
     if len(values) < 100:
         return math.nan
     gaps = np.diff(stamps_us)

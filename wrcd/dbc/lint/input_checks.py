@@ -111,7 +111,7 @@ def _can_fail(c: SignalCandidate) -> bool:
 
 def _sensor(c: SignalCandidate, design: Design) -> Iterator[Flaw]:
     """Step and range of gyro and accelerometer. A step of the noise's rms adds a twelfth to its power, and a sound
-    sensor is told from a frozen one; of more it is not always."""
+    sensor is known from a frozen one; of more it is not always."""
     if c.quantity not in CHANNELS or not converts(c.signal.unit, c.quantity) or c.signal.is_float:
         return
     s, si = c.signal, factor(c.signal.unit, c.quantity)
