@@ -37,6 +37,7 @@ MAKEFLAGS += --silent
 TAKEN := $(filter-out PYTHON=%,$(MAKEOVERRIDES))
 .PHONY: vcan
 vcan:
+	$(if $(strip $(foreach c,; & | < > $$ ` ",$(findstring $(c),$(MAKECMDGOALS)))),echo "make: loses quotes; call tests/with-vcan COMMAND yourself" >&2; exit 2)
 	$(if $(TAKEN),echo "make: takes $(TAKEN) for a variable of its own; call tests/with-vcan COMMAND yourself" >&2; exit 2)
 	$(MAKE) --no-print-directory $(READY)
 	tests/with-vcan $(wordlist 2,$(words $(MAKECMDGOALS)),$(MAKECMDGOALS))

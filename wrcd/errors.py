@@ -76,4 +76,4 @@ def need(modules: Sequence[str], extra: str, key: str = "") -> None:
 
 def install_hint(extra: str) -> str:
     """How an extra is installed: no index has wrcd."""
-    return f"in the source's folder pip install '.[{extra}]', of a wheel pip install 'WHEEL[{extra}]'"
+    return f"in the source's folder pip install -e '.[{extra}]', of a wheel pip install 'WHEEL[{extra}]'"

@@ -10,6 +10,7 @@ from wrcd.core.vocabulary import CONFIDENCES
 
 FULL_SCALE_PCT, WIDTH, COLUMNS = 50, 20, 80
 HALF_WIDTHS = {name: f"{half_width:g}" for half_width, name in CONFIDENCES[:-1]}
+HALF_WIDTHS[CONFIDENCES[-1][1]] = f">{CONFIDENCES[-2][0]:g}"
 
 LEGEND = """\
 Each line is a moment of an axle: adhesion (force over load), 0 to {full} %.

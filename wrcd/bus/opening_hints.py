@@ -17,6 +17,7 @@ ARPHRD_CAN = 280  # linux/if_arp.h: what /sys/class/net/NAME/type says of a CAN 
 IFF_UP = 1
 MAX_NAME = 15  # IFNAMSIZ - 1
 NO_CAN_NEEDED = "`sim-ecu demo` and `wrcd replay` need no CAN"
+OTHER_KERNEL = f"{NO_CAN_NEEDED}, `tests/with-vcan COMMAND` of the sources brings a kernel that has it"
 # python-can's own extras that bring what an interface needs; other interfaces need their vendor's driver
 EXTRAS = {
     "canalystii": "canalystii", "cantact": "cantact", "gs_usb": "gs-usb", "neovi": "neovi", "nixnet": "nixnet",
@@ -100,13 +101,13 @@ def _no_can_in_the_kernel() -> str:
     if "microsoft" in _release().lower():
         return (
             "the kernel of WSL has no CAN: sudo modprobe can-raw; if there is no such module, build its kernel with "
-            f"CONFIG_CAN, CONFIG_CAN_RAW and CONFIG_CAN_VCAN, and name it in .wslconfig; {NO_CAN_NEEDED}"
+            f"CONFIG_CAN, CONFIG_CAN_RAW and CONFIG_CAN_VCAN, and name it in .wslconfig; {OTHER_KERNEL}"
         )
     if _in_container():
-        return f"the container has its host's kernel: load CAN there, sudo modprobe can-raw; {NO_CAN_NEEDED}"
+        return f"the container has its host's kernel: load CAN there, sudo modprobe can-raw; {OTHER_KERNEL}"
     return (
         "this kernel has no CAN: sudo modprobe can-raw; if there is no such module, Ubuntu has it in "
-        "linux-modules-extra-$(uname -r), Debian in linux-image-amd64 (not in the cloud kernel); " + NO_CAN_NEEDED
+        "linux-modules-extra-$(uname -r), Debian in linux-image-amd64 (not in the cloud kernel); " + OTHER_KERNEL
     )
 
 

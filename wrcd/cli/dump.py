@@ -40,7 +40,7 @@ def _add(p: argparse.ArgumentParser) -> None:
     p.add_argument(
         "--state",
         action="store_true",
-        help="print the newest state of every axle, and end; of a bus after each message",
+        help="print the newest state of every axle, and end; of a bus after about a second",
     )
 
 

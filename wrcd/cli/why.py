@@ -9,7 +9,11 @@ from wrcd.cli.program import Subcommand
 def _add(p: ArgumentParser) -> None:
     add_log(p)
     p.add_argument(
-        "seconds", type=seconds, metavar="SECONDS", help="after the log's first frame; or since 1970, as in the log"
+        "seconds",
+        type=seconds,
+        metavar="SECONDS",
+        nargs="?",
+        help="after the log's first frame; or since 1970, as in the log (default: where the estimate first fell)",
     )
     add_axle(p)
     p.add_argument("--json", action="store_true", help="for a program")
@@ -19,10 +23,10 @@ def _run(args: Namespace) -> int:
     import json
 
     from wrcd.errors import InputError, Status
-    from wrcd.logs.why import answer, moment, record
+    from wrcd.logs.why import answer, first_fall, moment, record
 
     story = read_story(args)
-    time_us = moment(story, args.seconds)
+    time_us = first_fall(story) if args.seconds is None else moment(story, args.seconds)
     if not story.axles:
         raise InputError(
             "has no frame of wrcd, and too few inputs to estimate from", file=args.log, hint="give a longer log"
@@ -41,7 +45,7 @@ COMMAND = Subcommand(
     "why",
     "why adhesion and Validity were what they were at a moment of a log",
     (
-        ("wrcd why ride.log 2.5", "2.5 s after the first frame, of every axle"),
+        ("wrcd why ride.log", "where the estimate first fell, of every axle"),
         ("wrcd why ride.log 9.3 --axle 2", "axle 2 alone; the rig's truth, if the log has it, beside it"),
     ),
     _add,

@@ -263,5 +263,6 @@ def _edges(mu: FloatArray, first: int, settled: int, before: float, after: float
     near = max(SETTLED_SHARE * abs(after - before), 0.5)
     at_old = np.flatnonzero(np.abs(mu[first : settled + 1] - before) <= near)
     begin = first + int(at_old[-1]) if len(at_old) else first
-    at_new = np.flatnonzero(np.abs(mu[begin + 1 :] - after) <= 2 * near)
+    # of a low level a share: 10 % is not yet 3 %
+    at_new = np.flatnonzero(np.abs(mu[begin + 1 :] - after) <= min(2 * near, max(0.5 * after, 1.0)))
     return begin, begin + 1 + int(at_new[0]) if len(at_new) else settled

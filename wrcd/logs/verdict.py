@@ -110,7 +110,7 @@ def _fall(story: Story, axle: StoryAxle, fall: Fall, until_us: int) -> Finding:
     a = axle.adhesion
     rows = slice(*np.searchsorted(a.time_us, (fall.end_us, until_us)))
     half = a.high_pct[rows] - a.available_pct[rows]
-    bound = f"interval ±{np.nanmedian(half):.0f} pp" if np.isfinite(half).any() else "no interval stated"
+    bound = f"interval ±{np.nanmedian(half):.2g} pp" if np.isfinite(half).any() else "no interval stated"
     rest = [
         (validity, lasting(axle.events, validity, fall.begin_us, until_us))
         for validity in (Validity.DEGRADED, Validity.NOT_AVAILABLE)

@@ -72,6 +72,14 @@ class Explanation:
     most_used_axle: float
 
 
+def first_fall(story: Story) -> int:
+    """Return when the estimate first fell, of any axle. Raises InputError where it never did."""
+    found = next((fall.end_us for fall in story.falls if fall.is_down), None)
+    if found is None:
+        raise InputError("has no fall of the estimate", file=story.log, hint="give SECONDS")
+    return found
+
+
 def explain(story: Story, axle_number: int, time_us: int) -> Explanation:
     """Explain an axle at a time. Raises InputError for an axle that the story has not."""
     axle, design = story.axle(axle_number), story.config.design

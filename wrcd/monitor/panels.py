@@ -8,7 +8,7 @@ import numpy as np
 
 from wrcd.bus.reasons import Reason
 from wrcd.core.causes import Validity
-from wrcd.core.vocabulary import words_of
+from wrcd.core.vocabulary import CONFIDENCES, words_of
 from wrcd.logs.statistics import added
 from wrcd.logs.story_events import STALE_AFTER
 from wrcd.logs.story_records import Event, newest
@@ -33,6 +33,7 @@ COUNTS = {
     LINK: {"Unsent": "unsent", "ErrorFrames": "error frames", "BusOffs": "bus-offs", "TimeSteps": "time steps",
            "Restarts": "restarts"},
 }  # fmt: skip
+WIDER = f"over ±{CONFIDENCES[-2][0]:g}"  # of a Valid estimate without an interval
 Cell = tuple[str, str]  # a text and its style
 
 
@@ -65,7 +66,8 @@ class AxleNow:
     def interval(self) -> str:
         """The interval that Confidence states."""
         known = math.isfinite(self.low_pct) and math.isfinite(self.high_pct)
-        return f"{self.low_pct:.1f}…{self.high_pct:.1f}" if known else NO_VALUE
+        is_valid = self.event is not None and state_name(self.event) == Validity.VALID.value
+        return f"{self.low_pct:.1f}…{self.high_pct:.1f}" if known else WIDER if is_valid else NO_VALUE
 
 
 @dataclass(frozen=True, slots=True)

@@ -176,6 +176,6 @@ def lines(found: Iterable[InstalledPart]) -> Iterator[str]:
 def report(root: Path = Path("/")) -> bool:
     """Print it. Returns whether no part says that the daemon cannot run here."""
     found = list(parts(root))
-    for line in lines(found):
+    for line in (*lines(found), "NO: the daemon cannot run so. -: where you want it."):
         print(line)
     return all(part.is_fine is not False for part in found)

@@ -56,6 +56,12 @@ def test_what_is_not_valid_between_two_levels_belongs_to_the_fall() -> None:
     assert begin_s(fall) == pytest.approx(9.0, abs=0.05)
 
 
+def test_fall_to_a_low_level_ends_where_that_is_reached() -> None:
+    values = np.concatenate((level(38, 9, 0.3), level(9.5, 0.6), level(2.8, 8, 0.05)))  # nearer to 3 than to 38
+    (fall,) = falls_of(axle(adhesion(values)))
+    assert (fall.end_us - fall.begin_us) * 1e-6 == pytest.approx(0.62, abs=0.05)
+
+
 @pytest.mark.parametrize(
     ("levels", "validity"),
     [

@@ -16,7 +16,7 @@ from wrcd.core.configuration import Config
 from wrcd.errors import InputError
 from wrcd.logs.rule_sentences import sentence
 from wrcd.logs.story_records import Event, Series, newest
-from wrcd.logs.why import INPUT_MAX_AGE_US, answer, around, explain, moment, shortened
+from wrcd.logs.why import INPUT_MAX_AGE_US, answer, around, explain, first_fall, moment, shortened
 
 
 def test_explanation_tells_what_the_frames_of_the_moment_say(ride: Ride, config: Config) -> None:
@@ -142,6 +142,15 @@ def test_command_answers_for_a_person(ride: Ride, capsys: pytest.CaptureFixture[
     assert main(["why", str(ride.both), "5.2"]) == 0  # the truth unasked
     shown = capsys.readouterr().out
     assert shown.rstrip("\n").splitlines() == answer(ride.sent, 1, ride.sent.begin_us + 5_200_000)
+
+
+def test_command_without_a_moment_takes_the_first_fall(ride: Ride, capsys: pytest.CaptureFixture[str]) -> None:
+    (first, *_) = (fall for fall in ride.sent.falls if fall.is_down)
+    assert main(["why", str(ride.both)]) == 0
+    assert capsys.readouterr().out.rstrip("\n").splitlines() == answer(ride.sent, 1, first.end_us)
+    calm = replace(ride.sent, falls=())
+    with pytest.raises(InputError, match="has no fall of the estimate — give SECONDS"):
+        first_fall(calm)
 
 
 def test_command_answers_for_a_program(ride: Ride, capsys: pytest.CaptureFixture[str]) -> None:
