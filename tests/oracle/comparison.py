@@ -14,6 +14,9 @@ from wrcd.core.records import Estimate
 # loop makes a rounding of its state up to 140 times as large before it fades, and H turns a radian of it into up to
 # 3200 m/s2.
 CLOSE = 1e-9
+# Log odds: a network's sum over 194 features, some of them correlations of hardly any power; of a million ticks one was
+# 1.5e-9 off.
+ODDS = 1e-8
 # A window's figures come from running sums of squares: the largest of the last KEPT spans of TICKS takes the digits of
 # the small ones. Above LARGE standard deviations, or so many times the least residual, the figures are ROUGH.
 LARGE, LARGE_TO_RESIDUAL, TICKS, KEPT, ROUGH = 1000.0, 2e4, 100, 15, 2e-5
@@ -107,7 +110,7 @@ class Comparison:
         self._close("slide", np.array(slides), estimator._axle["slide"][:, :4], ROUGH)  # some were rough a while ago
         told = np.array([[len(oracle.slides.told) > 0, oracle.slides.bias]])
         self._close("slides", told, np.array([[estimator.slides[0] > 0.0, estimator.slides[3]]]), ROUGH)
-        self._close("log_odds", ours.log_odds, log_odds(theirs), close)
+        self._close("log_odds", ours.log_odds, log_odds(theirs), max(close, ODDS))
         assert ours.state.tolist() == pair_states(theirs).tolist()
         blocks = np.repeat(LENGTHS, oracle.axles)
         of_inputs = max(close, CLOSE_WITHOUT_DATA)
