@@ -65,7 +65,7 @@ def of_the_monitor() -> bytes:
         async with app.run_test(size=TERMINAL) as pilot:
             await pilot.press("right", "right", "right", "right")
             await pilot.pause()
-            return app.export_screenshot(title="wrcd monitor leaves.log --dbc dbc/sim_ecu.dbc")
+            return app.export_screenshot(title="wrcd monitor leaves.log")
 
     return without_fonts(asyncio.run(shown())).encode()
 
