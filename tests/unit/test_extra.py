@@ -58,7 +58,8 @@ def test_command_without_the_extra_is_one_line_and_status_2(command: str) -> Non
     assert (done.returncode, done.stdout) == (2, "")
     assert re.fullmatch(
         r"sim-ecu: error: the package [a-z0-9-]+ is missing: sim-ecu needs the "
-        r"extra 'bench' — in the source's folder pip install '\.\[bench\]', of a wheel pip install 'WHEEL\[bench\]'\n",
+        r"extra 'bench' — in the source's folder pip install -e '\.\[bench\]', "
+        r"of a wheel pip install 'WHEEL\[bench\]'\n",
         done.stderr,
     )
 
