@@ -67,7 +67,8 @@ class AxleNow:
         """The interval that Confidence states."""
         known = math.isfinite(self.low_pct) and math.isfinite(self.high_pct)
         is_valid = self.event is not None and state_name(self.event) == Validity.VALID.value
-        return f"{self.low_pct:.1f}…{self.high_pct:.1f}" if known else WIDER if is_valid else NO_VALUE
+        is_wider = is_valid and math.isfinite(self.available_pct)  # and not a frame that is too old
+        return f"{self.low_pct:.1f}…{self.high_pct:.1f}" if known else WIDER if is_wider else NO_VALUE
 
 
 @dataclass(frozen=True, slots=True)

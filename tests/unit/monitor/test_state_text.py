@@ -1,5 +1,6 @@
 """`wrcd dump --state`: the newest state of every axle, of a log and of a bus."""
 
+import math
 import threading
 import time
 from collections.abc import Iterator
@@ -11,9 +12,12 @@ import pytest
 from tests.support.daemon_frames import GOOD, DaemonFrames
 from wrcd.bus.candump import format_line
 from wrcd.cli.main import main
+from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import Config
+from wrcd.logs.story_records import Event
 from wrcd.monitor.buffers import Batch
 from wrcd.monitor.bus_model import BusModel
+from wrcd.monitor.panels import AxleNow
 from wrcd.monitor.sources import NoMore
 from wrcd.monitor.state_text import listen, state_lines
 
@@ -97,3 +101,16 @@ def test_state_of_a_damaged_log_ends_as_a_dump_of_it_does(tmp_path: Path) -> Non
 def test_state_is_of_all_frames(also: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["dump", "tests/golden/leaf-film.log", "--state", *also]) == 2
     assert "--state: takes a log or a bus, and all of it" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("available", "validity", "shown"),
+    [(30.0, Validity.VALID, "over ±12"), (math.nan, Validity.VALID, "–"), (30.0, Validity.DEGRADED, "–")],
+    ids=["too wide for a level", "a frame too old", "not Valid"],
+)
+def test_interval_that_no_level_states_is_named_where_the_estimate_counts(
+    available: float, validity: Validity, shown: str
+) -> None:
+    event = Event(1, 0, 1_000_000, validity, Cause.NONE, "")
+    now = AxleNow(1, event, available, math.nan, math.nan, 10.0, "", "", math.nan, 0)
+    assert now.interval == shown
