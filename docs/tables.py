@@ -1,13 +1,14 @@
 """Tables for the site: what `{keys} FILE TABLE` in a page becomes, from the declarations that the program reads its
 files by, and `{signals} MESSAGE`, from the DBCs."""
 
+import functools
 import re
 from collections.abc import Iterator, Sequence
 
 from sim_ecu.loop import drive_scenario
 from sim_ecu.play import scenario_keys
 from sim_ecu.resources import TRUTH_DBC
-from wrcd.bus.dbc import Signal, load_dbc
+from wrcd.bus.dbc import Message, Signal, load_dbc
 from wrcd.config.keys import Choice, Flag, Interval, Key, Number, Whole
 from wrcd.resources import DBC
 
@@ -45,8 +46,13 @@ def _keys(keys: Sequence[Key]) -> Iterator[str]:
         yield f"| `{key.name}` | {takes(key)} | {key.shown_default} | {key.what} |"
 
 
+@functools.cache
+def _messages() -> dict[str, Message]:
+    return {m.name: m for file in (DBC, TRUTH_DBC) for m in load_dbc(file).messages}
+
+
 def _signals(message: str) -> Iterator[str]:
-    found = {m.name: m for file in (DBC, TRUTH_DBC) for m in load_dbc(file).messages}[message]
+    found = _messages()[message]
     yield from (f"**{message.removesuffix('_A1')}**", "")
     yield "| signal | step, range | what | values |"
     yield "|---|---|---|---|"

@@ -57,7 +57,7 @@ def _run(args: argparse.Namespace) -> int:
     if args.state:
         return _state(args, config)
     # of an id that is in several, the first one's: what was named comes before the configuration's
-    databases = (*(more := databases_of(args, config))[: len(args.dbc)], config.database, *more[len(args.dbc) :])
+    databases = (*databases_of(args, config), config.database)
     messages = {message_key(m): m for database in reversed(databases) for m in reversed(database.messages)}
     wanted = _wanted(args, config, messages)
     damage = Damage()

@@ -1,5 +1,6 @@
 """`wrcd check --installation`: of made-up roots, and of this computer."""
 
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -50,6 +51,13 @@ def test_every_part_of_a_whole_computer_is_found(root: Path) -> None:
     for name in ("wrcd", "library in C", "receive buffer", "unit", "configuration"):
         assert [p.is_fine for p in found[name]] == [True], found[name]
     assert found["configuration"][0].found == f"{root}/etc/wrcd/a.toml: axles 1, 2"
+
+
+def test_what_is_looked_for_is_what_the_project_has() -> None:
+    conf = Path("systemd/80-wrcd.conf").read_text()
+    assert f"\nnet.core.rmem_max = {installation.RECEIVE_BYTES}\n" in conf
+    extras = tomllib.loads(Path("pyproject.toml").read_text())["project"]["optional-dependencies"]
+    assert set(installation.EXTRAS) == set(extras) - {"docs", "dev"}  # those are a developer's
 
 
 def test_real_time_priority_is_that_of_a_drop_in(root: Path) -> None:
