@@ -72,6 +72,7 @@ def test_numbers_that_python_takes_from_c_are_the_oracles_own() -> None:
     oracles = {
         "MIN_FIRING": rules.MIN_FIRING, "LOWEST_LOG_SPREAD": rules.LOG_SPREADS[0], "NOISE": rules.NOISE.start,
         "HIGHEST_LOG_SPREAD": rules.LOG_SPREADS[1], "SWING": rules.SWING.start, "HARSH_SHARE": interval.HARSH_SHARE,
+        "GAPS_SHARE": interval.GAPS_SHARE,
         "MIN_M": interval.MIN_M, "MAX_JUMP": signals.MAX_JUMP, "CERTAIN": health.CERTAIN, "MAX_FEATURE": health.MOST,
         "SLOWEST_M_S": bands.SLOWEST_M_S, "LENGTH": rules.LENGTH, "PAIR_OWN": health.OWN,
         "PAIR_FEATURES": health.FEATURES, "SPAN_TICKS": health.SPAN_TICKS, "BLOCK_TICKS": residuals.BLOCK_TICKS,

@@ -12,7 +12,7 @@ from wrcd.bus.reasons import Reason
 from wrcd.core.causes import OF_PAIR, Cause
 from wrcd.core.configuration import LOAD_SHARES, RADIUS_SHARES, Config
 from wrcd.core.tables import BRAKE, LAT, LOAD, QUANTITIES, RADIUS, SPEED, TORQUE, YAW, silent_us
-from wrcd.core.terms import HARSH_SHARE, MAX_JUMP, MIN_FIRING, MIN_M, MODELS, EstimateDoubt, PairState
+from wrcd.core.terms import GAPS_SHARE, HARSH_SHARE, MAX_JUMP, MIN_FIRING, MIN_M, MODELS, EstimateDoubt, PairState
 
 MAX_INPUTS = 2  # that a text names; of more the number
 NEVER = -(1 << 60)
@@ -106,7 +106,7 @@ class Details:
             return f"{self._name(TORQUE, e)}: {used_pct:.2f} % in use, the rules say {from_rules_pct:.2f} %"
         if doubt == EstimateDoubt.GAPS:
             share = f"{100 * live_share:.0f} % of {window_s:.2f} s"
-            return f"{share} hold consecutive measurements, limit {100 * HARSH_SHARE:g} %"
+            return f"{share} hold consecutive measurements, limit {100 * GAPS_SHARE:g} %"
         if not math.isfinite(mu):
             return f"{window_s:.2f} s of measurements are no estimate"
         return f"{window_s:.2f} s of track are less than {MIN_M:g} m"

@@ -30,7 +30,8 @@ PAIR_FEATURES, PAIR_OWN = _whole("PAIR_FEATURES"), _whole("PAIR_OWN")
 MAX_FEATURE = constant("MAX_FEATURE")  # standard deviations
 CERTAIN = constant("CERTAIN")  # log odds of a pair's state: no more than this is kept
 SLOWEST_M_S = constant("SLOWEST_M_S")  # of a train whose axles are compared a wheelbase apart
-MIN_FIRING, HARSH_SHARE, MIN_M = constant("MIN_FIRING"), constant("HARSH_SHARE"), constant("MIN_M")
+MIN_FIRING, MIN_M = constant("MIN_FIRING"), constant("MIN_M")
+HARSH_SHARE, GAPS_SHARE = constant("HARSH_SHARE"), constant("GAPS_SHARE")
 MAX_JUMP = constant("MAX_JUMP")  # rad/s
 LOG_SPREADS = constant("LOWEST_LOG_SPREAD"), constant("HIGHEST_LOG_SPREAD")  # of an interval, over the adhesion
 
