@@ -41,7 +41,7 @@ double wrcd_constant(const char *name)
     return NAN;
 }
 
-/* Ticks on end: z and present [ticks][channel][axle], torque ratio [ticks][axle], speeds [ticks]. */
+/* Consecutive ticks: z and present [ticks][channel][axle], torque ratio [ticks][axle], speeds [ticks]. */
 void wrcd_run(wrcd_estimator *e, const wrcd_design *d, int64_t number, int64_t ticks, const double *z,
                      const uint8_t *present, const double *torque_ratio, const double *speed_m_s, int resets)
 {
@@ -108,7 +108,7 @@ void wrcd_evidence(const wrcd_health_table *h, int count, const double features[
         wrcd_health_evidence(h, features[k], evidence[k]);
 }
 
-/* Ticks of a bogie on end: z and present [ticks][SIGNALS], speeds [ticks]. What of it lasts is in the state. */
+/* Consecutive ticks of a bogie: z and present [ticks][SIGNALS], speeds [ticks]. What of it lasts is in the state. */
 void wrcd_fit_run(const wrcd_fit_table *f, wrcd_bogie_state *b, int64_t number, int64_t ticks, const double z[][WRCD_FIT_SIGNALS],
                   const uint8_t present[][WRCD_FIT_SIGNALS], const double *speed_m_s)
 {

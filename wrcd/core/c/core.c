@@ -1,13 +1,13 @@
 /* frame -> values -> inputs -> tick -> estimate -> Validity with its cause -> frames, on the frames' own time stamps.
  *
- * The core reads no clock. Live, the loop tells it how far time has come (advance); in a replay the next frame does. Tick k
+ * The core reads no clock. Live, the loop gives it how far time has come (advance); in a replay the next frame does. Tick k
  * owns the frames stamped in [k P, (k + 1) P); of two measurements one may wait for the next tick, of every other signal the
  * newest counts. Frames of a slot are made when the tick that ends it is closed.
  *
  * A stamp contradicts the clock if it is more than a second ahead of the open tick, which the clock drives, or behind the
  * newest stamp: a step of time. It is counted, nothing that was known before it holds, and no slot between is made. A
- * silence is none: its ticks are closed as the clock tells of them. But after a second of it nothing holds either, so that
- * silence and step leave the same behind them, and whoever cannot tell them apart, as a replay, goes on alike. */
+ * silence is none: its ticks are closed as the clock goes on. But after a second of it nothing holds either, so that
+ * silence and step leave the same behind them, and whoever cannot distinguish them, as a replay, goes on alike. */
 #include "fit.h"
 
 enum {
@@ -263,7 +263,7 @@ static bool go_to_stamp(const wrcd_train *t, wrcd_out *out, int64_t stamp_us)
     return all;
 }
 
-/* Count a frame that is refused, and tell the inputs that it carries. */
+/* Count a frame that is refused, for the inputs that it carries, too. */
 static void refuse(const wrcd_train *t, int message, const wrcd_frame_head *f, int reason)
 {
     const wrcd_message *m = &t->message[message];

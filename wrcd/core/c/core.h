@@ -10,7 +10,7 @@
 #include "wrcd.h"
 
 enum { COUNTER_MODULO = 15, NO_SENDER = -1, KINDS_OF_AXLES = WRCD_DAEMON /* messages of axles come first */ };
-/* What Python and its words go by, too: wrcd_constant() tells it. */
+/* What Python and its words go by, too, by wrcd_constant(). */
 enum {
     FORWARD_STEP_US = 1000000, /* a stamp, or the clock, further ahead of the open tick than this is a step of time */
     BACKWARD_STEP_US = 10000,  /* out of order by less than this is jitter between queues, by more a step of the clock */
@@ -27,7 +27,7 @@ static const double FIRST_WAIT_S = 1.0, LAST_WAIT_S = 8.0;
  * wheel. Where leaf film begins it is 0.002 for 30 ms; the noise's standard deviation is 0.0007. A torque that was larger
  * than this up to TRACTION_HELD_US ago is still taken for traction: no friction brake bites sooner. */
 static const double DEAD_SHARE = 0.005;
-static const double DOUBTED = 1e-6; /* chance of a run of equal values, from which on a sensor is said to stand still */
+static const double DOUBTED = 1e-6; /* chance of a run of equal values, from which on a sensor is taken to stand still */
 
 /* Whole numbers rounded down, for times before 1970, too; b > 0. */
 static inline int64_t divided(int64_t a, int64_t b) { return a / b - (a % b < 0); }

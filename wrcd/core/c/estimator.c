@@ -150,7 +150,7 @@ static int step_axle(wrcd_estimator *e, const wrcd_design *d, const bank_matrice
     return found | (reset ? WRCD_NEEDS_RESET : 0);
 }
 
-/* What an axle's window tells at the tick's end: whether rail or torque have changed, and sometimes the rules' word on it. */
+/* What an axle's window shows at the tick's end: whether rail or torque have changed, and sometimes the rules' word on it. */
 static void look_back(wrcd_estimator *e, const wrcd_design *d, int64_t ticks)
 {
     const int axles = (int)e->axles;

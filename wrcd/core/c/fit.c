@@ -66,7 +66,7 @@ static double summed(const wrcd_bogie_state *b, const addition *a, int i, int j)
 }
 
 /* Solve (sum + prior) x = score by Cholesky, in the lower triangle of the block's Fisher matrix. Returns whether it could be;
- * tells the variance along `along`, too, where that is asked for. */
+ * gives the variance along `along`, too, where that is asked for. */
 static bool solve_sum(wrcd_bogie_state *b, const addition *a, const double sigma[UNKNOWNS], double x[UNKNOWNS], const double *along,
                       double *variance)
 {
@@ -121,7 +121,7 @@ static double incoherence_of(const wrcd_fit_table *f, const wrcd_bogie_state *b,
 }
 
 /* Another vehicle has to be far likelier, and to explain what the sensors give: those of a shaken axle box it does not. Nor is
- * a vehicle the own one where that does not explain them, or where they tell nothing. */
+ * a vehicle the own one where that does not explain them, or where they hold nothing. */
 static int verdict_of(const wrcd_fit_table *f, const wrcd_bogie_state *b)
 {
     const bool still = b->verdict == WRCD_FIT_UNLIKE;
@@ -186,7 +186,7 @@ static bool conclude(const wrcd_fit_table *f, wrcd_bogie_state *b)
     note_incoherence(b, false, a.kept, b->of_block[INCOHERENT]);
     if (!isnan(b->of_another))
         note_incoherence(b, true, a.kept, b->of_another);
-    if (b->weight < LEAST_WEIGHT && b->verdict != WRCD_FIT_UNKNOWN) /* what was said before the train turned round holds */
+    if (b->weight < LEAST_WEIGHT && b->verdict != WRCD_FIT_UNKNOWN) /* the verdict from before the train turned round holds */
         return true;
     b->ratio = wrcd_dot(free, b->score, UNKNOWNS) - wrcd_dot(own, b->score, UNKNOWNS);
     b->bias_pp = wrcd_dot(free, f->bias, UNKNOWNS);
@@ -250,7 +250,7 @@ void wrcd_fit_reset(wrcd_bogie_state *b)
 void wrcd_fit_step(const wrcd_fit_table *f, wrcd_bogie_state *b, bool is_reverse, int64_t tick, const double z[SIGNALS],
                    const bool is_there[SIGNALS], double speed_m_s)
 {
-    if (b->is_reverse != is_reverse) /* each sensor's errors are another wheelset's now; what was said holds until there is more */
+    if (b->is_reverse != is_reverse) /* each sensor's errors are another wheelset's now; the verdict holds until there is more */
         memset(&b->ticks, 0, sizeof *b - offsetof(wrcd_bogie_state, ticks));
     b->is_reverse = is_reverse;
     if (b->pass > 0) {

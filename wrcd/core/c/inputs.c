@@ -75,7 +75,7 @@ static double torque_Nm(const wrcd_train *t, int axle)
     return fmax(driving, -braking);
 }
 
-/* Whether the friction brakes may add what nobody tells of: always but in traction, torque 0 included. What is as good as 0
+/* Whether the friction brakes may add what no signal has: always but in traction, torque 0 included. What is as good as 0
  * just after traction is still traction. */
 bool wrcd_friction_share_unknown(const wrcd_train *t, int axle)
 {

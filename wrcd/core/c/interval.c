@@ -10,7 +10,7 @@ static const double CONTRADICTION_SHARE = 0.2, CONTRADICTION_PP = 0.3;
 static const double BEYOND_WIDER = 2.0; /* the half-width grows so for each range that an input lies outside the sets */
 static const double LOW_FIRING = 0.2;   /* below, few training conditions were like the moment: the interval is wider */
 static const double MOVED = 0.1;  /* decades, above and below together, by which the torque has moved within half a second */
-static const double COASTS = 0.1; /* of what is available: less in use tells hardly anything */
+static const double COASTS = 0.1; /* of what is available: less in use shows hardly anything */
 
 /* What the half-width is multiplied by, in a regime at a speed; beyond the table's speeds, that at its ends. */
 static double widening(const wrcd_design *d, int regime, double speed_m_s)

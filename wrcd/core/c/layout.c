@@ -92,5 +92,5 @@ static const char *const TELLS[] = {WRCD_TOLD(NAME)};
 const char *wrcd_record_name(int n) { return n < (int)(sizeof RECORDS / sizeof *RECORDS) ? RECORDS[n].name : NULL; }
 /* Its fields; behind the last one without a name, the offset of which is the record's size. */
 const field *wrcd_record_fields(int n) { return RECORDS[n].fields; }
-/* The n-th of what a frame may tell; NULL behind the last. */
+/* The n-th of what a frame may carry; NULL behind the last. */
 const char *wrcd_told_name(int n) { return n < WRCD_TOLD_COUNT ? TELLS[n] : NULL; }

@@ -14,7 +14,7 @@
 
 enum { MODELS = WRCD_MODELS, CHANNELS = WRCD_CHANNELS, W = WRCD_MODELS * WRCD_CHANNELS, YAW = 0, LAT = 1, BANDS = WRCD_BANDS };
 
-/* What designs and words in Python go by, too: wrcd_constant() tells it. */
+/* What designs and words in Python go by, too, by wrcd_constant(). */
 enum { REMEMBER_TICKS = 16, SPAN_TICKS = 48 }; /* from one word that is fused, and one look at the sensors, to the next */
 /* Where among what the rules are given correlations, noise, the torque's swing and the residuals' steps begin. */
 enum {
@@ -27,7 +27,7 @@ _Static_assert((int)IN_BANDS + (int)BAND_COLUMNS == (int)WRCD_COLUMNS, "what the
 static const double MIN_FIRING = 0.05;
 static const double LOG_SPREADS[2] = {-2.7, 0.3}; /* no interval is narrower or wider than this, over the adhesion (log10) */
 static const double HARSH_SHARE = 0.2, GAPS_SHARE = 0.4; /* least of the window far from pulses: pulses, or gaps, take more */
-static const double MIN_M = 2.9;       /* the least way that a wheelset must have run to tell */
+static const double MIN_M = 2.9;       /* the least way that a wheelset must have run for an estimate */
 static const double CERTAIN = 14.0;    /* log odds of a pair's state: no more than this is kept */
 static const double MAX_FEATURE = 5.0; /* standard deviations of a feature of a pair */
 static const double SLOWEST_M_S = 3.0; /* slower, a wheelbase takes longer than is kept */

@@ -13,8 +13,8 @@ static const double FIRST_SHARE = 0.05, FIRST_FRAMES = 20.0, MAX_FRAMES = 1000.0
 /* A run goes on oftener than frames repeat: most where the slow value is in the middle of a step (1.41). Of runs that go on
  * at most: a coarser sensor is not watched, it would be doubted after 0.7 s at 200 Hz. */
 static const double GOES_ON = 1.5, MAX_SHARE = 0.9;
-/* What no vehicle changes by is told for a frame, or for so long, if that is longer. A value further away is refused, and
- * believed if the next frame says so, too: a real step comes a frame late, a corrupted frame not at all. */
+/* A change that no vehicle makes is reported for a frame, or for so long, if that is longer. A value further away is refused, and
+ * believed if the next frame has it, too: a real step comes a frame late, a corrupted frame not at all. */
 static const double STEP_US = 100000.0;
 
 /* Equal neighbours that come about with less than a chance, where a share of the frames repeats. */

@@ -4,13 +4,13 @@
 #include "parts.h"
 
 static const double MOST_USED = 0.85; /* of an estimate: with more in use it is known without the rules */
-/* Only so many times as much in use as before tells that the driver asked for it; else the rail may have become worse. */
+/* Only so many times as much in use as before is what the driver asked for; else the rail may have become worse. */
 static const double RISES = 1.2;
 static const double HOLDS_S = 0.4;    /* so long a wheelset slides before its torque is what the rail bears */
 /* A slide ends as less is in use than it showed; else the estimate was late, and has found more. */
 static const double ENDS = 0.9;
 static const double BEFORE_S = 6.0;   /* the estimate is no older than that as the slide begins */
-static const double TOGETHER_S = 5.0; /* axles that slide within it tell one and the same */
+static const double TOGETHER_S = 5.0; /* axles that slide within it are one observation */
 /* Slides of vehicles as trained scatter so (log adhesion); that counts for so many slides. */
 static const double OWN_SIGMA = 0.15, OWN_SLIDES = 6.0;
 static const double LEAST = 3.5, SURE = 3.0; /* weight of the slides, and standard errors, from which on a bias counts */
@@ -42,7 +42,7 @@ void wrcd_slides_take(wrcd_estimator *e, const double kept[3])
     judge(e->slides);
 }
 
-/* An axle's slide, and the estimate before it, tell nothing: something speaks against its inputs. */
+/* An axle's slide, and the estimate before it, do not count: its inputs are doubted. */
 void wrcd_slides_forget(wrcd_estimator *e, int axle) { memset(e->axle[axle].slide, 0, sizeof e->axle[axle].slide); }
 
 /* A step later: what is estimated of an axle, and the torque ratio that has lasted. */
@@ -76,7 +76,7 @@ void wrcd_slides_look(wrcd_estimator *e, int axle, const wrcd_adhesion *now, dou
     s[BEFORE_AGE_S] = 0.0;
 }
 
-/* The end of that step: axles that slide together have told. */
+/* The end of that step: axles that slide together are counted. */
 void wrcd_slides_end(wrcd_estimator *e, double step_s)
 {
     double *s = e->slides;

@@ -1,4 +1,4 @@
-/* What a slot's frames tell, and the frames. Words are told by their place in wrcd/core/vocabulary.py. */
+/* What a slot's frames carry, and the frames. Words are sent by their place in wrcd/core/vocabulary.py. */
 #include "core.h"
 
 enum { ADHERING = 1, SATURATED, CONSISTENT = 1, FULL, CONTRADICTS, OLDEST_MS = 255, MOST_OF_A_REASON = 15 };
@@ -128,7 +128,7 @@ static void widen(const wrcd_train *t, wrcd_adhesion adhesion[WRCD_MAX_AXLES])
         const wrcd_bogie_state *b = &t->bogie[i / 2];
         const int axle = t->settings->axles_of[i];
         wrcd_adhesion *a = &adhesion[axle];
-        const double own = a->half_width_pp - wrcd_slides_pp(t->estimator, a); /* slides may tell of the same bias */
+        const double own = a->half_width_pp - wrcd_slides_pp(t->estimator, a); /* slides may show the same bias */
         if (b->verdict == WRCD_FIT_UNLIKE)
             a->half_width_pp = fmax(a->half_width_pp, UNLIKE_TIMES * own + fabs(b->bias_pp) + UNLIKE_SIGMAS * b->bias_sigma_pp);
     }

@@ -92,7 +92,7 @@ enum wrcd_validity { WRCD_NOT_AVAILABLE, WRCD_VALID, WRCD_DEGRADED };
     F(int32_t, payload_bytes, ) F(int32_t, sender, ) F(int32_t, contested_frames, ) F(int32_t, reserved, ) \
     F(uint8_t, payload, [64])
 
-/* What a frame may tell, by the names of wrcd/core/vocabulary.py; words by their place there. */
+/* What a frame may carry, by the names of wrcd/core/vocabulary.py; words by their place there. */
 #define WRCD_TOLD(F)                                                                               \
     F(Validity) F(MuAvailable) F(MuUsed) F(SampleAge) F(Surface) F(ContactState) F(Confidence)     \
     F(WinningModel) F(StaleYawRate) F(StaleLatAccel) F(StaleTorque) F(StaleSpeed) F(DominantRule)  \
@@ -116,7 +116,7 @@ enum { WRCD_ADHESION, WRCD_DETAIL, WRCD_INPUTS_SEEN, WRCD_OWN_WORD, WRCD_DAEMON,
     F(int64_t, cycle_us, ) F(uint32_t, word, ) F(int32_t, axle, ) F(int32_t, kind, ) F(int32_t, length, ) \
     F(int32_t, is_protected, ) F(int32_t, crc_start, ) WRCD_RANGE_OF(F, told)                       \
     F(int32_t, is_last, /* sent when the daemon stops, too */) F(uint8_t, start, [8])
-/* A signal of it: what is told, where it lies, and how a number becomes its raw value; a word's raw value lies ready. */
+/* A signal of it: what it carries, where it lies, and how a number becomes its raw value; a word's raw value lies ready. */
 #define WRCD_TOLD_FIELD(F)                                                                         \
     F(uint64_t, word_raw, [WRCD_MAX_WORDS]) F(double, unit_factor, ) F(double, low, ) F(double, high, ) \
     F(double, scale, ) F(double, offset, ) F(double, lowest, ) F(double, highest, )                \
@@ -128,7 +128,7 @@ enum { WRCD_ADHESION, WRCD_DETAIL, WRCD_INPUTS_SEEN, WRCD_OWN_WORD, WRCD_DAEMON,
 #define WRCD_SETTINGS(F)                                                                           \
     F(int64_t, period_us, ) F(int64_t, input_cycle_us, [WRCD_MAX_AXLES]) F(int64_t, design_checksum, ) \
     F(double, min_speed_m_s, ) F(double, speed_low_m_s, ) F(double, speed_high_m_s, )              \
-    F(double, start, [WRCD_QUANTITIES] /* of what no signal tells, or none has told */)            \
+    F(double, start, [WRCD_QUANTITIES] /* of what no signal gives, or none has given */)            \
     F(double, load_N, ) F(double, radius_m, ) F(double, load_shares, [2]) F(double, radius_shares, [2]) \
     F(double, position_m, [WRCD_MAX_AXLES] /* forward; NaN: not known */) F(int32_t, number, [WRCD_MAX_AXLES])     \
     F(double, surface_pct, [WRCD_MAX_WORDS]) F(double, confidence_pp, [WRCD_MAX_WORDS])            \
@@ -140,7 +140,7 @@ enum { WRCD_ADHESION, WRCD_DETAIL, WRCD_INPUTS_SEEN, WRCD_OWN_WORD, WRCD_DAEMON,
     F(int32_t, axles_of, [WRCD_MAX_AXLES] /* two by two those of the bogies that the design is judged in */) \
     F(int32_t, input_of, [WRCD_QUANTITIES][WRCD_MAX_AXLES] /* the first of those that add up; -1: not mapped */)
 
-/* An axle: its Validity, as validity.c counts it, and what was told of it at the newest slot. */
+/* An axle: its Validity, as validity.c counts it, and what was sent of it at the newest slot. */
 #define WRCD_AXLE_STANDING(F)                                                                      \
     F(int64_t, outlier_us, ) F(int64_t, traction_us, /* when the torque was traction last */)      \
     F(int64_t, resets_in_a_row, ) F(int64_t, waits_until, /* a tick's number */)                   \
@@ -151,7 +151,7 @@ enum { WRCD_ADHESION, WRCD_DETAIL, WRCD_INPUTS_SEEN, WRCD_OWN_WORD, WRCD_DAEMON,
     F(int32_t, stale, /* a bit for each quantity, of the newest tick */) F(int32_t, has_estimate, ) \
     F(int32_t, standing, /* cause */) F(int32_t, validity, ) F(int32_t, cause, ) F(int32_t, confidence, )
 
-/* The train. Health is what the loop knows and WrcdStatus and WrcdLink tell. */
+/* The train. Health is what the loop knows and WrcdStatus and WrcdLink send. */
 #define WRCD_HEALTH(F)                                                                             \
     F(int64_t, state, ) F(int64_t, overruns, ) F(int64_t, drops, ) F(int64_t, reopens, ) F(int64_t, link_state, ) \
     F(int64_t, error_frames, ) F(int64_t, bus_offs, ) F(int64_t, unsent, ) F(int64_t, foreign_frames, )
@@ -181,7 +181,7 @@ enum wrcd_fit_verdict { WRCD_FIT_UNKNOWN, WRCD_FIT_LIKE, WRCD_FIT_UNSURE, WRCD_F
     F(double, alike, ) F(double, straight_1_m, ) F(double, pulse_sigma, ) F(double, most_missing, ) F(double, most_stretches, ) \
     F(int32_t, ticks, /* of a stretch; 0: nothing is known of a bogie */) F(int32_t, first_bin, ) F(int32_t, bins_apart, ) \
     F(int32_t, reserved, )
-/* Of a bogie. What is said; then, which begins anew where the train turns round, the two stretches that are gathered, half a
+/* Of a bogie. Its verdict; then, which begins anew where the train turns round, the two stretches that are gathered, half a
  * stretch apart, the block that they make, the block that is looked at, and the sum of all. */
 #define WRCD_BOGIE_STATE(F)                                                                        \
     F(double, ratio, ) F(double, bias_pp, ) F(double, bias_sigma_pp, ) F(double, incoherence, /* of the own */) F(double, free, [WRCD_FIT_UNKNOWNS] /* of any vehicle */) \
@@ -267,7 +267,7 @@ typedef struct {
     const wrcd_condition *condition;
     const int64_t *number;       /* of multiplexers, unusable raw values, words of statuses, starts of other CRCs */
     const int64_t *word;         /* two each: raw value, whether it is reverse */
-    const int32_t *rule;         /* statuses of inputs, and those that a message tells */
+    const int32_t *rule;         /* statuses of inputs, and those of other messages */
     const wrcd_sent *sent;       /* of a kind by axles: adhesion, detail, inputs, own words; then the daemon's */
     const wrcd_told_field *told;
     const wrcd_fit_table *fit;
