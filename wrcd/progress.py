@@ -1,5 +1,6 @@
 """How far a long piece of work has come, on standard error."""
 
+import os
 import sys
 import time
 
@@ -24,7 +25,7 @@ class Progress:
         if share is not None and share < self._share:
             self._began = self._before
         self._share, self._before = self._share if share is None else share, now
-        if now - self._shown < EVERY_S if self._terminal else not self._steps:
+        if now - self._shown < EVERY_S or not _in_front() if self._terminal else not self._steps:
             return
         self._shown = now
         text = what if share is None else f"{what}: {100 * share:.0f} %"
@@ -35,5 +36,13 @@ class Progress:
 
     def end(self) -> None:
         """Leave the line."""
-        if self._terminal:
+        if self._terminal and _in_front():
             print("\r\033[K", end="", file=sys.stderr, flush=True)
+
+
+def _in_front() -> bool:
+    """Whether the terminal is this job's: a line of one in the background would run into what another writes."""
+    try:
+        return os.tcgetpgrp(sys.stderr.fileno()) == os.getpgrp()
+    except OSError:  # it is not the terminal that this session is controlled from
+        return True

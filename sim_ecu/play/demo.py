@@ -128,7 +128,7 @@ def _leave(log: Path, picture: Path, report: Path, numbers: Sequence[int], confi
 
     given = ["--dbc", str(resources.TRUTH_DBC), *(["--config", str(config_file)] if config_file else [])]
     axles = [word for number in numbers for word in ("--axle", str(number))]
-    main(["report", str(_shown(log)), "--png", str(_shown(picture)), "--force", *axles, *given])
+    main(["report", str(_shown(log)), "--plot", str(_shown(picture)), "--force", *axles, *given])
     print("\nWhat the report says of it:", flush=True)
     if main(["report", str(_shown(log)), "-o", str(_shown(report)), *given]) == Status.DONE:
         print("Open it in a browser: what happened, when, and why.")

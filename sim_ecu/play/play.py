@@ -210,15 +210,13 @@ def play_on_bus(
         bus = PythonCan(interface, channel, train.has_fd)
         cleanup.callback(bus.shutdown)
         logger = cleanup.enter_context(open_logger(log)) if log else None
-        return play_onto(bus, scenario, logger, truth, ahead, train)
+        return _play_onto(bus, scenario, logger, truth, ahead, train)
 
 
-def play_onto(
-    bus: FaultyBus, scenario: Scenario, logger: can.Listener | None, truth: bool = True, ahead: bool = False,
-    train: Train = PACKAGED,
-) -> PlayTally:  # fmt: skip
-    """The same, onto a bus that is open."""
-    stop = False
+def _play_onto(
+    bus: FaultyBus, scenario: Scenario, logger: can.Listener | None, truth: bool, ahead: bool, train: Train
+) -> PlayTally:
+    stop, progress = False, Progress()
 
     def on_signal(_number: int, _frame: FrameType | None) -> None:
         nonlocal stop
@@ -234,9 +232,12 @@ def play_onto(
             bus.begin(fault)
         else:
             bus.end(fault)
+            progress.end()
             print(fault_line(fault, began[fault], time.time_ns() // 1000), flush=True)
 
     rig = RealTime(scenario, bus, logger, truth, on_fault, ahead, train)
     while not stop and rig.step():
+        progress.at(scenario.name, rig.time_s / scenario.duration_s)
         time.sleep(rig.wait_s())
+    progress.end()
     return rig.tally

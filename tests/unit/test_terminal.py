@@ -1,6 +1,9 @@
 """What a terminal gets: colours, unless something says otherwise, and the line that says how far a piece of work is."""
 
 import io
+import os
+import pty
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -123,3 +126,23 @@ def test_time_left_is_of_what_is_going_on(clock: list[float], monkeypatch: pytes
         clock[0] += seconds
         progress.at(what, share)
     assert shown.getvalue().endswith("fitted: 25 %, about 30 s left")
+
+
+@pytest.mark.parametrize(("group", "is_shown"), [("None", True), ("0", False)], ids=["in front", "in the background"])
+def test_only_a_job_in_front_writes_its_line(group: str, is_shown: bool) -> None:
+    """On a terminal that a session is controlled from; a process group of its own is a job in the background there."""
+    line = "import time; from wrcd.progress import Progress; p = Progress(); p._shown = 0.0; p.at('ride', 0.5); p.end()"
+    job = f"subprocess.run([sys.executable, '-c', {line!r}], process_group={group}, check=True)"
+    session = f"import fcntl, subprocess, sys, termios; fcntl.ioctl(2, termios.TIOCSCTTY, 0); {job}"
+    master, slave = pty.openpty()
+    command = [sys.executable, "-c", session]
+    env = os.environ | {"TERM": "xterm"}
+    subprocess.run(command, stderr=slave, start_new_session=True, check=True, timeout=60, env=env)
+    os.write(slave, b"end\n")
+    said = b""
+    while b"end" not in said:
+        said += os.read(master, 4096)
+    os.close(slave)
+    os.close(master)
+    assert (b"ride: 50 %" in said) == is_shown
+    assert (said == b"end\r\n") != is_shown
