@@ -148,7 +148,7 @@ design: $(TESTS)
 # an hour on two cores
 score: $(READY)
 	$(BIN)/sim-ecu score --suite worlds --json build/score-train.json
-	$(BIN)/sim-ecu score --suite map --json build/score-map.json --picture docs/low-rail.png
+	$(BIN)/sim-ecu score --suite map --json build/score-map.json --plot docs/low-rail.png
 	$(BIN)/sim-ecu score --design lone-wheelset --json build/score-lone.json
 
 # docs/signs-and-axes.png, and the site of the pages in build/site: a warning or a dead link fails

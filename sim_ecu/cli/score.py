@@ -22,7 +22,7 @@ def _add(p: argparse.ArgumentParser) -> None:
         help="another design, a packaged one or a file, for the same wheelset, run on the same frames; may be repeated",
     )  # fmt: skip
     p.add_argument("--fail-on", choices=(MISSED,), help="exit 1 where a goal is missed, beyond chance")
-    p.add_argument("--picture", type=Path, metavar="PNG", help="of the suite map: low rail found over false alarms")
+    p.add_argument("--plot", type=Path, metavar="PNG", help="how far each goal is met; of the suite map its picture")
     p.add_argument("--json", type=Path, metavar="OUT", help="all figures")
 
 
@@ -32,7 +32,7 @@ def _run(args: argparse.Namespace) -> int:
 
     check_least(args, jobs=1)
     design = design_path(args.design or DEFAULT_DESIGN)
-    return run(args.suite, args.quick, args.jobs, design, args.beside, args.json, args.fail_on, args.picture)
+    return run(args.suite, args.quick, args.jobs, design, args.beside, args.json, args.fail_on, args.plot)
 
 
 COMMAND = Subcommand(

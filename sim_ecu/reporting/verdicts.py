@@ -1,7 +1,7 @@
 """Goals: a figure, its bound, and whether it is met or chance may be why."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,8 +17,7 @@ MIN_QUICK_RUNS = 20
 @dataclass(frozen=True, slots=True)
 class Goal:
     """A figure and its bound. never: what is beyond the bound must not happen, not once: a worst case, a count that
-    must be zero. Where it has happened no interval excuses it. up_to: the upper end of what must be at_least its bound
-    and not too much either, as a coverage: an interval that always holds says nothing."""
+    must be zero. Where it has happened no interval excuses it."""
 
     what: str
     figure: Figure
@@ -26,7 +25,6 @@ class Goal:
     at_least: bool = False
     min_runs: int = MIN_RUNS
     never: bool = False
-    up_to: float = math.inf
 
     @property
     def verdict(self) -> str:
@@ -34,7 +32,7 @@ class Goal:
         f = self.figure
         if f.runs < self.min_runs:
             return TOO_FEW
-        low, high = (self.bound, self.up_to) if self.at_least else (-math.inf, self.bound)
+        low, high = (self.bound, math.inf) if self.at_least else (-math.inf, self.bound)
         if low <= f.value <= high:
             return MET_CHANCE if math.isfinite(f.low) and not low <= f.low <= f.high <= high else MET
         return CHANCE if f.low <= high and f.high >= low and not self.never else MISSED
@@ -43,14 +41,13 @@ class Goal:
         """Return it as a result holds it, with its verdict."""
         return {
             "what": self.what, "figure": self.figure, "bound": self.bound, "at_least": self.at_least,
-            "up_to": self.up_to, "verdict": self.verdict,
+            "verdict": self.verdict,
         }  # fmt: skip
 
 
-def bound(goal: dict[str, Any]) -> str:
-    """Return a goal's bound with its sign, or both."""
-    upper = f" and ≤ {goal['up_to']:g}" if goal["up_to"] < math.inf else ""
-    return f"{'≥' if goal['at_least'] else '≤'} {goal['bound']:g}{upper}"
+def bound(goal: Mapping[str, Any]) -> str:
+    """Return a goal's bound with its sign."""
+    return f"{'≥' if goal['at_least'] else '≤'} {goal['bound']:g}"
 
 
 def table(goals: Sequence[dict[str, Any]]) -> Table:

@@ -51,13 +51,11 @@ class ScoreRequest:
 
 def run(
     suite: str | None, quick: bool, jobs: int, design: Path, beside: Sequence[str],
-    json_out: Path | None, fail_on: str | None, picture: Path | None = None,
+    json_out: Path | None, fail_on: str | None, plot: Path | None = None,
 ) -> int:  # fmt: skip
-    """Play, judge, print; write the figures as JSON and the suite map's picture where requested."""
+    """Play, judge, print; write the figures as JSON and draw them where requested: the suite map, else the goals."""
     check_output("--json", json_out)
-    check_output("--picture", picture)
-    if picture is not None and suite != MAP:
-        raise InputError("is of the suite map", key="--picture", hint=f"--suite {MAP}")
+    check_output("--plot", plot)
     others = [_named(b) for b in beside]
     papers = paper_form_of(design)
     if papers is not None:
@@ -75,10 +73,13 @@ def run(
     if result["suites"]:
         print("\n".join([*(f"{word}: {text}\n" for word, text in warnings(result)), *markdown(sections(result))]))
         write_json(result, json_out)
-        if picture is not None:
-            from sim_ecu.score.map_drawing import write_picture  # half a second
+        if plot is not None:
+            from sim_ecu.score import goal_drawing, map_drawing  # half a second
 
-            write_picture(result["suites"][MAP], picture)
+            if suite == MAP:
+                map_drawing.write_picture(result["suites"][MAP], plot)
+            else:
+                goal_drawing.write_picture(result["goals"], plot)
     if missing:
         raise not_whole(missing)
     return status_by_goals(fail_on, result["goals"])

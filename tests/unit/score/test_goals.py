@@ -1,6 +1,7 @@
 """The goals of `sim-ecu score`: --fail-on missed, and what a quick one judges."""
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -10,6 +11,7 @@ from sim_ecu.design.brief import load_source
 from sim_ecu.reporting.values import CHANCE, MET, MET_CHANCE, MISSED, TOO_FEW, Figure
 from sim_ecu.reporting.verdicts import MIN_QUICK_RUNS, Goal
 from sim_ecu.score import run_score
+from sim_ecu.score.goal_drawing import beyond
 from sim_ecu.score.report import judge
 from sim_ecu.score.score_goals import goals
 from sim_ecu.score.suites import runs
@@ -20,7 +22,7 @@ GOAL = Goal("a suite: a figure", Figure(1.0, 1.0, 1.0, 20, 20), 1.0).record()
 
 @pytest.mark.usefixtures("jobs_here")
 def test_status_is_that_of_the_goals_where_it_was_asked_for(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     run = next(iter(runs(load_source(resources.DESIGN), "dry-hours", 0.01)))
     short = replace(run, scenario=replace(run.scenario, duration_s=3.0), judged_from_s=1.0)
@@ -34,11 +36,26 @@ def test_status_is_that_of_the_goals_where_it_was_asked_for(
     ):
         judged = [GOAL | {"verdict": v} for v in verdicts]
         monkeypatch.setattr(run_score, "judge", lambda *of, judged=judged: judge(*of) | {"goals": judged})
-        assert main(["score", "--jobs", "1", *asked]) == status
+        picture = tmp_path / "goals.png"
+        assert main(["score", "--jobs", "1", "--plot", str(picture), *asked]) == status
+        assert picture.read_bytes().startswith(b"\x89PNG")
+        picture.unlink()
         told = capsys.readouterr()
         assert ("--fail-on" in told.err) == bool(said)
         assert said in told.err
         assert "**goals**" in told.out  # the tables come first
+
+
+@pytest.mark.parametrize(
+    ("goal", "value", "ratio"),
+    [
+        (GOAL, 2.0, 2.0), (GOAL, 0.0, 0.1), (GOAL, 99.0, 10.0), (GOAL | {"bound": 0.0}, 0.0, 1.0),
+        (GOAL | {"bound": 0.0}, 1.0, 10.0), (GOAL | {"at_least": True, "bound": 0.9}, 0.95, 0.5),
+        (GOAL | {"at_least": True, "bound": 0.9}, 0.8, 2.0),
+    ],
+)  # fmt: skip
+def test_picture_of_goals_is_right_of_1_where_one_is_missed(goal: dict[str, Any], value: float, ratio: float) -> None:
+    assert beyond(goal, value) == pytest.approx(ratio)
 
 
 def figure(value: float, runs: int) -> Figure:

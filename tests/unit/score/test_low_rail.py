@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim_ecu.cli.main import main
 from sim_ecu.design.brief import load_source
 from sim_ecu.play.scenario import Course
 from sim_ecu.reporting.table import markdown
@@ -42,7 +41,6 @@ from sim_ecu.score.suites.map_passages import (
 from sim_ecu.score.suites.run import lot_of
 from sim_ecu.score.suites.worlds import AS_TRAINED, UNSEEN
 from wrcd.config.config import load_config
-from wrcd.errors import Status
 from wrcd.resources import DESIGN
 
 SOURCE = load_source(DESIGN)
@@ -201,8 +199,3 @@ def test_table_and_picture_have_what_is_found(played: Passage, tmp_path: Path) -
     assert "**not Valid**" not in text
     write_picture(result["suites"]["map"], tmp_path / "map.png")
     assert (tmp_path / "map.png").read_bytes().startswith(b"\x89PNG")
-
-
-def test_picture_is_of_the_suite_map_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["score", "--suite", "paper", "--picture", str(tmp_path / "x.png")]) == Status.BAD_INPUT
-    assert "--picture: is of the suite map" in capsys.readouterr().err

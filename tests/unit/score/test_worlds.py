@@ -1,6 +1,5 @@
 """The suite of named worlds: what it plays, its rows and goals, and another design that is judged whole beside."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +14,7 @@ from sim_ecu.score.baselines import PAPER
 from sim_ecu.score.metrics.accuracy import OURS
 from sim_ecu.score.report import judge
 from sim_ecu.score.run_score import ScoreRequest, play_one
-from sim_ecu.score.score_goals import of_world
+from sim_ecu.score.score_goals import VALID_AND_WRONG, of_world
 from sim_ecu.score.score_play import Trace
 from sim_ecu.score.sections import sections
 from sim_ecu.score.suites.run import lot_of
@@ -100,21 +99,21 @@ def test_row_of_a_world_has_both_designs() -> None:
     assert judged[f"worlds: {second.name}, Valid and wrong, share of frames"] == MET
 
 
-def test_goals_of_a_world_are_those_of_its_family_and_slopes() -> None:
-    def bounds(family: str, tied: bool) -> dict[str, tuple[float, bool, float]]:
-        found = of_world(World("w", family, tied))
+def test_goals_of_a_world_are_those_of_its_name_family_and_slopes() -> None:
+    def bounds(name: str, family: str, tied: bool) -> dict[str, tuple[float, bool]]:
+        found = of_world(World(name, family, tied))
         goals = {path[-1]: goal(figure=Figure(0, 0, 0, 20, 20)) for path, goal in found.items()}
-        return {name: (g.bound, g.at_least, g.up_to) for name, g in goals.items()}
+        return {name: (g.bound, g.at_least) for name, g in goals.items()}
 
-    def at_most(bound: float) -> tuple[float, bool, float]:
-        return bound, False, math.inf
+    def least(holds: float) -> dict[str, tuple[float, bool]]:
+        return {"own_covers": (holds, True), "valid": (0.95, True)}
 
-    trained = {"own_covers": (0.87, True, 0.95), "valid_and_wrong": at_most(0.02)}
-    assert bounds(AS_TRAINED, True) == trained | {"mean": at_most(1.3), "below_half": at_most(1.7)}
-    assert bounds(AS_TRAINED, False) == trained | {"mean": at_most(1.9), "below_half": at_most(2.3)}
-    wider = {"own_covers": (0.8, True, math.inf), "valid_and_wrong": at_most(0.05)}
-    assert bounds(WIDER, True) == bounds(WIDER, False) == wider
-    assert bounds(UNSEEN, True) == {"own_covers": (0.7, True, math.inf)}
+    own = least(0.87) | {"valid_and_wrong": (0.005, False)}
+    assert bounds("its own vehicle", AS_TRAINED, True) == own | {"mean": (1.3, False), "below_half": (1.7, False)}
+    assert bounds("w", AS_TRAINED, False) == least(0.87) | {"mean": (1.9, False), "below_half": (2.3, False)}
+    assert bounds("w", WIDER, True) == bounds("w", WIDER, False) == least(0.8)
+    assert bounds("w", UNSEEN, True) == least(0.7)
+    assert set(VALID_AND_WRONG) < {w.name for w in WORLDS}
 
 
 @pytest.mark.parametrize("suite", ["worlds", "harsh"])
