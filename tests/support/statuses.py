@@ -66,7 +66,7 @@ WRCD: dict[str, dict[Status, str]] = {
         Status.INTERRUPTED: "Ctrl-C",
     },
     "report": {
-        Status.DONE: "the page is written, or with `--png` the picture",
+        Status.DONE: "the page is written, or with `--plot` the picture",
         Status.STOPPED: "the log is cut or damaged: what is written is of what could be read, and the page says so",
         Status.BAD_INPUT: f"{_BAD}: no usable log, a time outside of it, a file that would be lost, no extra report",
         Status.INTERRUPTED: "Ctrl-C",

@@ -94,7 +94,8 @@ class Program:
         parser, of_command = self._parsers(commands)
         args, unknown = parser.parse_known_args(argv)
         if unknown:  # the usage that helps is the command's
-            of_command[args.command].error(f"unrecognized arguments: {' '.join(unknown)}")
+            hint = " — a configuration is given with --config" if unknown[0].endswith(".toml") else ""
+            of_command[args.command].error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
         command = next(c for c in commands if c.name == args.command)
         own_signals = command.own_signals(args)
         return guarded(

@@ -20,10 +20,10 @@ def _add(p: ArgumentParser) -> None:
     add_log(p)
     p.add_argument(
         "-o", "--output", type=Path, metavar="REPORT.html",
-        help="write it there (default: report.html, or with --png no page); an earlier report is overwritten",
+        help="write it there (default: report.html, or with --plot no page); an earlier report is overwritten",
     )  # fmt: skip
     p.add_argument(
-        "--png", type=Path, metavar="OUT.png",
+        "--plot", type=Path, metavar="OUT.png",
         help="draw adhesion, Validity, contact and residuals as one picture; .svg and .pdf likewise",
     )  # fmt: skip
     p.add_argument(
@@ -46,7 +46,7 @@ def _run(args: Namespace) -> int:
     from wrcd.logs.replay_outputs import check_output, check_overwrite
 
     check_bit_rate(args.bit_rate)
-    output = args.output or (DEFAULT if args.png is None else None)
+    output = args.output or (DEFAULT if args.plot is None else None)
     given = (args.log, args.config, args.against, *args.dbc)
     if output is not None:
         need(("bokeh",), "report")
@@ -60,9 +60,9 @@ def _run(args: Namespace) -> int:
     against_config = _against_config(args, config)
     story = read_story(args, config)
     against = None if args.against is None else _against(args, config, against_config)
-    if args.png is not None:
+    if args.plot is not None:
         _draw(args, story)
-        print(f"picture  {args.png}")
+        print(f"picture  {args.plot}")
     if output is None:
         return Status.DONE if story.whole else Status.STOPPED
     from wrcd.report.report_page import write
@@ -81,20 +81,20 @@ def _check_picture(args: Namespace, given: Sequence[Path | None]) -> None:
     from wrcd.errors import InputError, need
     from wrcd.logs.replay_outputs import check_output
 
-    if args.png is None:
+    if args.plot is None:
         if args.begin is not None or args.end is not None or args.axle:
-            raise InputError("belongs to a picture", key="--from, --to, --axle", hint="give --png OUT.png")
+            raise InputError("belongs to a picture", key="--from, --to, --axle", hint="give --plot OUT.png")
         return
     if args.output is None and (args.against is not None or args.bit_rate is not None):
         raise InputError("belongs to a page", key="--against, --bit-rate", hint="give -o REPORT.html, too")
     need(("matplotlib",), "report")
     from wrcd.report.picture import SUFFIXES
 
-    if args.png.suffix.lower() not in SUFFIXES:
-        raise InputError(f"takes {', '.join(SUFFIXES)}", file=args.png, key="--png", hint="give one of these suffixes")
-    check_output(args.png, given, "--png")
-    if args.png.exists() and not args.force:
-        raise InputError("is there", file=args.png, key="--png", hint="another name, or --force")
+    if args.plot.suffix.lower() not in SUFFIXES:
+        raise InputError(f"takes {', '.join(SUFFIXES)}", file=args.plot, key="--plot", hint="give one of these")
+    check_output(args.plot, given, "--plot")
+    if args.plot.exists() and not args.force:
+        raise InputError("is there", file=args.plot, key="--plot", hint="another name, or --force")
     if args.begin is not None and args.end is not None and args.begin >= args.end:
         raise InputError(f"{args.end:g} is not behind --from {args.begin:g}", key="--to")
 
@@ -115,9 +115,9 @@ def _draw(args: Namespace, story: "Story") -> None:
             "has no frame of wrcd, and too few inputs to estimate from", file=args.log, hint="give a longer log"
         )
     try:
-        draw(story, [story.axle(number) for number in args.axle] or list(story.axles), begin_us, end_us, args.png)
+        draw(story, [story.axle(number) for number in args.axle] or list(story.axles), begin_us, end_us, args.plot)
     except OSError as e:
-        raise InputError(f"cannot be written: {e.strerror}", file=args.png, key="--png") from None
+        raise InputError(f"cannot be written: {e.strerror}", file=args.plot, key="--plot") from None
 
 
 def _against_config(args: Namespace, config: "Config") -> "Config | None":
@@ -161,7 +161,7 @@ COMMAND = Subcommand(
     "one page of a log: what happened, when, how long, how sure, and why",
     (
         ("wrcd report ride.log --against other.design.json", "the same log estimated with another design beside it"),
-        ("wrcd report ride.log --png fall.png --from 5 --to 20 --axle 1", "a picture of 15 s of one axle, and no page"),
+        ("wrcd report ride.log --plot fall.png --from 5 --to 20 --axle 1", "a picture of 15 s of one axle, no page"),
     ),
     _add,
     _run,

@@ -31,6 +31,7 @@ DETAIL_MAX_AGE_US = 300_000  # three cycles, as a receiver holds to
 INPUT_MAX_AGE_US = 1_000_000
 
 
+CONTRADICTING = "Contradiction"  # of Plausibility
 CONTACTS, SURFACES = words_of("adhesion", "ContactState"), words_of("adhesion", "Surface")
 CONFIDENCES, PLAUSIBILITIES = words_of("adhesion", "Confidence"), words_of("inputs", "Plausibility")
 
@@ -214,7 +215,7 @@ def _parts(
     else:
         yield from _moment(story, "after", after, before.rule)
     yield "Validity", _validity(story, now.axle, before.time_us, after.time_us)
-    yield "refused", _refused(story, now.axle, now.time_us) or f"nothing within {REJECTS_NEAR_US * 1e-6:.0f} s"
+    yield "inputs", _inputs(story, now, before)
     yield "source", story.source
 
 
@@ -321,6 +322,19 @@ def _events(story: Story, axle: int, begin_us: int, end_us: int) -> list[Event]:
 def _state(story: Story, e: Event) -> str:
     cause = "" if e.validity is Validity.VALID else f" ({e.name})"
     return f"{e.validity.value}{cause} from {_s(story, e.begin_us)} s"
+
+
+def _inputs(story: Story, now: Explanation, before: Explanation) -> str:
+    """Whether an input may be why, or the rail: what was refused near the moment, is stale, or how the sensors fit."""
+    if story.axle(now.axle).health is None:
+        return "not known: the log has no InputHealth"
+    found = [f"refused {refused}"] if (refused := _refused(story, now.axle, now.time_us)) else []
+    found += [f"stale {', '.join(now.stale)}"] if now.stale else []
+    fit = {"Consistent": "sensors consistent", CONTRADICTING: "sensors contradict each other"}
+    words = fit.get(now.plausibility) or fit.get(before.plausibility, "sensors not judged")
+    if found or words == fit[CONTRADICTING]:
+        return "; ".join([*found, words])
+    return f"none refused within {REJECTS_NEAR_US * 1e-6:.0f} s, none stale, {words}: nothing points to an input"
 
 
 def _refused(story: Story, axle: int, time_us: int) -> str:

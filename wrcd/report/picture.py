@@ -1,4 +1,4 @@
-"""`wrcd report --png`: a log in one picture, an axle below the other. Drawn with matplotlib (extra report)."""
+"""`wrcd report --plot`: a log in one picture, an axle below the other. Drawn with matplotlib (extra report)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""`wrcd report --png`: pictures of a story."""
+"""`wrcd report --plot`: pictures of a story."""
 
 from pathlib import Path
 
@@ -81,7 +81,7 @@ def test_long_curve_keeps_its_least_and_most() -> None:
 
 def test_command_writes_what_is_asked_for(ride: Ride, tmp_path: Path) -> None:
     out = tmp_path / "part.svg"
-    args = ["report", str(ride.both), "--png", str(out), "--dbc", str(TRUTH_DBC)]
+    args = ["report", str(ride.both), "--plot", str(out), "--dbc", str(TRUTH_DBC)]
     assert main([*args, "--from", "4", "--to", "9", "--axle", "1"]) == 0
     assert "→" in texts(out)
     assert [*tmp_path.iterdir()] == [out]  # no page where none is asked for
@@ -93,7 +93,7 @@ def test_command_writes_what_is_asked_for(ride: Ride, tmp_path: Path) -> None:
 def test_command_overwrites_when_forced(ride: Ride, tmp_path: Path) -> None:
     there = tmp_path / "there.png"
     there.write_text("mine")
-    assert main(["report", str(ride.both), "--png", str(there), "--force"]) == 0
+    assert main(["report", str(ride.both), "--plot", str(there), "--force"]) == 0
     assert there.read_bytes().startswith(SIGNATURES[".png"])
 
 
@@ -129,7 +129,7 @@ def test_log_of_a_single_input_frame_has_nothing_to_draw_or_explain(
 ) -> None:
     log = tmp_path / "one.log"
     log.write_text(ride.log.read_text().splitlines(keepends=True)[0])
-    assert main(["report", str(log), "--png", str(tmp_path / "one.png")]) == 2
+    assert main(["report", str(log), "--plot", str(tmp_path / "one.png")]) == 2
     assert main(["why", str(log), "0"]) == 2
     assert capsys.readouterr().err.count(f"wrcd: error: {log}: ") == 2
 
@@ -140,7 +140,7 @@ def test_log_of_a_single_frame_of_wrcd_is_drawn_explained_and_reported(
     log = tmp_path / "one.log"
     lines = [x for x in ride.both.read_text().splitlines(keepends=True) if " 091#" in x]
     log.write_text(lines[300])
-    assert main(["report", str(log), "--png", str(tmp_path / "one.png")]) == 0
+    assert main(["report", str(log), "--plot", str(tmp_path / "one.png")]) == 0
     assert main(["why", str(log), "0"]) == 0
     assert "% available" in capsys.readouterr().out
     assert main(["report", str(log), "-o", str(tmp_path / "one.html")]) == 0
