@@ -171,6 +171,7 @@ def _of_world(traces: Sequence[Trace]) -> dict[str, Figure]:
         "covers": honesty.coverage(f),
         "own_covers": honesty.own_coverage(f),
         "valid": bootstrap.mean(f.valid, f.run),
+        "losses": honesty.losses(traces),
     }
 
 

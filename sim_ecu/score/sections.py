@@ -145,11 +145,12 @@ def _worlds(s: Mapping[str, Any]) -> Shown:
     beside = any(len(row["designs"]) > 1 for row in s["rows"].values())
     head = [
         "", "family", *(["design"] if beside else []), "mean", "p95", "below half", "level holds the truth",
-        "own interval holds it", "Valid", WRONG, "runs",
+        "own interval holds it", "Valid", WRONG, "losses of Valid an axle-hour", "runs",
     ]  # fmt: skip
     rows = [
         [world, row["family"], *([design] if beside else []), v["mean"], v["p95"], v["below_half"],
-         *(Share(v[k]) for k in ("covers", "own_covers", "valid", "valid_and_wrong")), v["valid_and_wrong"].runs]
+         *(Share(v[k]) for k in ("covers", "own_covers", "valid", "valid_and_wrong")), Rounded(v["losses"], 0),
+         v["valid_and_wrong"].runs]
         for world, row in s["rows"].items()
         for design, v in row["designs"].items()
     ]  # fmt: skip

@@ -37,6 +37,16 @@ def accused(traces: Sequence[Trace]) -> Figure:
     return bootstrap.mean(np.concatenate(hits), np.concatenate(runs))
 
 
+def losses(traces: Sequence[Trace]) -> Figure:
+    """How often Valid is lost in an hour of an axle, from when its frames are judged on."""
+    lost, runs = [], []
+    for t in traces:
+        now = valid(t)[t.time_s >= t.judged_from_s]
+        lost.append(np.append(False, now[:-1] & ~now[1:]) * (3600.0 / period_s(t)))
+        runs.append(np.full(len(now), t.run, np.int64))
+    return bootstrap.mean(np.concatenate(lost), np.concatenate(runs))
+
+
 def coverage(f: JudgedFrames) -> Figure:
     """Share of the Valid frames whose interval holds the truth. One that claims no bound holds it, at no use."""
     return bootstrap.mean(~f.outside[f.valid], f.run[f.valid])

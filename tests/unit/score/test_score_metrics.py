@@ -119,6 +119,16 @@ def test_frames_before_they_are_judged_do_not_count() -> None:
     )
 
 
+def test_losses_of_valid_are_counted_by_hour_from_where_frames_are_judged() -> None:
+    true = np.full(1000, 20.0)  # 20 s; lost before it is judged, then twice, once more until the end
+    at = words(
+        1000, "Valid", (30, "Degraded"), (slice(100, 140), "Degraded"), (500, "NotAvailable"), (slice(900, 1000), "x")
+    )
+    t = trace(true, true, validity=at, judged_from_s=1.0)
+    assert honesty.losses([t]).value == pytest.approx(3 * 3600 / (951 * 0.02))
+    assert honesty.losses([t, trace(true, true, run=1)]).value == pytest.approx(3 * 3600 / (1951 * 0.02))
+
+
 def test_the_delay_is_to_the_crossing_of_the_geometric_mean() -> None:
     true = step(500, 100, 40.0, 10.0)
     mu = step(500, 130, 40.0, 19.0)  # 0.6 s late, and then on the new side of 20
