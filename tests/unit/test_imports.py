@@ -72,7 +72,7 @@ BUDGETS = {
     "sim_ecu/physics": 2442,
     "sim_ecu/play": 3800,
     "sim_ecu/reporting": 264,
-    "sim_ecu/score": 4085,
+    "sim_ecu/score": 4100,
     "systemd": 593,
     "wrcd": 271,
     "wrcd/bus": 2710,
