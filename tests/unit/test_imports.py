@@ -83,7 +83,7 @@ BUDGETS = {
     "wrcd/dbc": 3270,
     "wrcd/fit": 850,
     "wrcd/kit": 3370,
-    "wrcd/logs": 5065,
+    "wrcd/logs": 5070,
     "wrcd/monitor": 2554,
     "wrcd/recorder": 705,
     "wrcd/report": 2641,

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from wrcd.core.causes import Validity
+from wrcd.core.causes import OF_SENSOR, Validity
 from wrcd.core.vocabulary import MESSAGES, words_of
 from wrcd.errors import InputError
 from wrcd.logs.rule_sentences import CORRECTED, model_words, rule_words
@@ -31,7 +31,6 @@ DETAIL_MAX_AGE_US = 300_000  # three cycles, as a receiver holds to
 INPUT_MAX_AGE_US = 1_000_000
 
 
-CONTRADICTING = "Contradiction"  # of Plausibility
 CONTACTS, SURFACES = words_of("adhesion", "ContactState"), words_of("adhesion", "Surface")
 CONFIDENCES, PLAUSIBILITIES = words_of("adhesion", "Confidence"), words_of("inputs", "Plausibility")
 
@@ -215,7 +214,7 @@ def _parts(
     else:
         yield from _moment(story, "after", after, before.rule)
     yield "Validity", _validity(story, now.axle, before.time_us, after.time_us)
-    yield "inputs", _inputs(story, now, before)
+    yield "inputs", _inputs(story, now.axle, now.time_us)
     yield "source", story.source
 
 
@@ -324,17 +323,21 @@ def _state(story: Story, e: Event) -> str:
     return f"{e.validity.value}{cause} from {_s(story, e.begin_us)} s"
 
 
-def _inputs(story: Story, now: Explanation, before: Explanation) -> str:
-    """Whether an input may be why, or the rail: what was refused near the moment, is stale, or how the sensors fit."""
-    if story.axle(now.axle).health is None:
-        return "not known: the log has no InputHealth"
-    found = [f"refused {refused}"] if (refused := _refused(story, now.axle, now.time_us)) else []
-    found += [f"stale {', '.join(now.stale)}"] if now.stale else []
-    fit = {"Consistent": "sensors consistent", CONTRADICTING: "sensors contradict each other"}
-    words = fit.get(now.plausibility) or fit.get(before.plausibility, "sensors not judged")
-    if found or words == fit[CONTRADICTING]:
-        return "; ".join([*found, words])
-    return f"none refused within {REJECTS_NEAR_US * 1e-6:.0f} s, none stale, {words}: nothing points to an input"
+def _inputs(story: Story, axle: int, time_us: int) -> str:
+    """Whether an input may be why, or the rail: what was refused, stale or accused near the moment."""
+    health, detail = story.axle(axle).health, story.axle(axle).detail
+    if health is None or detail is None:
+        return "not known: the log lacks InputHealth or AdhesionDetail"
+    begin_us, end_us = time_us - REJECTS_NEAR_US, time_us + REJECTS_NEAR_US
+    rows = slice(*np.searchsorted(detail.time_us, (begin_us, end_us)))
+    accused = [e.name for e in _events(story, axle, begin_us, end_us) if e.cause in OF_SENSOR]
+    found = {
+        "refused": _refused(story, axle, time_us),
+        "stale": ", ".join(name for q, name in enumerate(INPUT_NAMES) if detail.stale[rows, q].any()),
+        "accused": ", ".join(dict.fromkeys(accused)),
+    }
+    text = "; ".join(f"{what} {which}" for what, which in found.items() if which)
+    return text or f"none refused, stale or accused within {REJECTS_NEAR_US * 1e-6:.0f} s: nothing points to an input"
 
 
 def _refused(story: Story, axle: int, time_us: int) -> str:

@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from sim_ecu.resources import TRUTH_DBC
-from tests.support.story import BEGIN_US, NOT_AVAILABLE, VALID, Ride, adhesion, at_s, axle, detail, story
+from tests.support.story import BEGIN_US, NOT_AVAILABLE, VALID, Ride, adhesion, at_s, axle, detail, event, story
 from wrcd.cli.main import main
 from wrcd.core.causes import Cause, Validity
 from wrcd.core.configuration import Config
 from wrcd.errors import InputError
 from wrcd.logs.rule_sentences import sentence
-from wrcd.logs.story_records import Event, Series, newest
+from wrcd.logs.story_events import REASONS
+from wrcd.logs.story_records import Detail, Event, HealthRecord, Series, newest
 from wrcd.logs.why import INPUT_MAX_AGE_US, answer, around, explain, first_fall, moment, shortened
 
 
@@ -121,6 +122,32 @@ def test_moment_within_a_time_not_valid_is_compared_with_before_and_after_it(con
     assert fall is None
     assert (before.validity, after.validity) == (Validity.VALID, Validity.VALID)
     assert (before.time_us, after.time_us) == (at_s(4.02) - 1, at_s(6.32))
+
+
+def test_answer_names_inputs_that_were_refused_stale_or_accused_or_that_none_was(config: Config) -> None:
+    """At 2 s, from 0 to 4 s: one input refused, another stale in one frame, then a sensor accused."""
+
+    def inputs(d: Detail | None, h: HealthRecord | None, *events: Event) -> str:
+        made = story(config, axle(adhesion(np.full(500, 30.0)), d, h, events=[event(0, 10, Validity.VALID), *events]))
+        return next(line.split(maxsplit=1)[1] for line in answer(made, 1, at_s(2)) if line.startswith("  inputs"))
+
+    d = detail(500)
+    never = np.full((100, 4), -1, np.int8)
+    h = HealthRecord(d.time_us, never.astype(np.uint8), never, never[:, 0], never[:, 0] > 0, never[:, 0] > 0)
+    nothing = "none refused, stale or accused within 2 s: nothing points to an input"
+    assert inputs(d, h) == nothing
+    late = replace(h, refused=np.where((np.arange(100) > 50)[:, None], 1, never).astype(np.int8))  # from 5 s on
+    assert inputs(d, late, event(9, 10, Validity.DEGRADED, Cause.GYRO_DEAD)) == nothing
+    stale = d.stale.copy()
+    stale[15, 1] = True
+    refused = never.copy()
+    refused[20, 0] = 1
+    accused = event(3, 5, Validity.DEGRADED, Cause.GYRO_DEAD)
+    assert inputs(replace(d, stale=stale), replace(h, refused=refused), accused) == (
+        f"refused yaw rate: {REASONS[1]}; stale lateral acceleration; accused GyroDead"
+    )
+    unknown = "not known: the log lacks InputHealth or AdhesionDetail"
+    assert inputs(d, None) == inputs(None, h) == unknown
 
 
 @pytest.mark.parametrize(("sends", "reason"), [(True, "the log has"), (False, "the configuration sends")])
