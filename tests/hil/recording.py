@@ -123,23 +123,24 @@ class Episode:
     @cached_property
     def sent(self) -> list[tuple[Slot, Frame]]:
         """The daemon's frames but for the last of each message, which say that it stops."""
-        every, left_us = list[tuple[Slot, Frame]](), dict[int, int]()  # when a message's newest frame left
+        every, newest = list[tuple[Slot, Frame]](), dict[int, tuple[Slot, Frame]]()  # of each message
         for times, f in self.times_set(self.frames):
             if self.is_own(f):
-                every.append((self._made_for(f, times, left_us.get(f.can_id, END_US)), f))
-                left_us[f.can_id] = f.stamp_us
+                newest[f.can_id] = self._made_for(f, times, newest.get(f.can_id)), f
+                every.append(newest[f.can_id])
         return every[: -len(self.last)]
 
-    def _made_for(self, f: Frame, times: int, before_us: int) -> Slot:
-        """The slot of a frame of the daemon's; before_us: when the one before it left. Where the loop stood still
-        between its look at the clock, in the slot, and the line, for longer than a counter's turn, it is the slot of a
-        turn before of which a core makes these bytes. Nothing has left since: a daemon that is always late does not
-        stand still."""
+    def _made_for(self, f: Frame, times: int, last: tuple[Slot, Frame] | None) -> Slot:
+        """The slot of a frame of the daemon's; last: the message's one before it. Where the loop stood still between
+        its look at the clock, in the slot, and the line, for longer than a counter's turn, it is the slot of a turn
+        before of which a core makes these bytes. Nothing has left since: a daemon that is always late does not stand
+        still. Nor is it the slot of the last one, whose bytes may be the same."""
         newest = (f.can_id, self.slot_of(f), times)
-        if not self._protected or f.can_id in OF_ITSELF or self.replayed.data.get(newest) == f.data:
+        if last is None or not self._protected or f.can_id in OF_ITSELF or self.replayed.data.get(newest) == f.data:
             return newest
         turns = (newest[1] - COUNTER_TURN * k for k in range(1, HELD_UP_TURNS + 1))
-        before = ((f.can_id, n, times) for n in turns if before_us < (n + 1) * self.cycles_us[f.key])
+        free = (n for n in turns if last[1].stamp_us < (n + 1) * self.cycles_us[f.key])
+        before = (slot for n in free if (slot := (f.can_id, n, times)) != last[0])
         return next((slot for slot in before if self.replayed.data.get(slot) == f.data), newest)
 
     @cached_property
