@@ -25,7 +25,7 @@ NEWEST_SHARE = 0.5  # of the newest part's half-width that the interval is made 
 # More in use than the rules say there is: beyond the interval, and by this share of what they say, one is wrong.
 CONTRADICTION_SHARE, CONTRADICTION_PP = 0.2, 0.3
 # of the window that must hold data far from pulses: where pulses take more than gaps, and where gaps do
-HARSH_SHARE, GAPS_SHARE = 0.2, 0.4
+HARSH_SHARE, GAPS_SHARE = 0.1, 0.4
 MIN_M = 2.9  # the least way that a wheelset must have run to tell
 # The first that applies counts.
 _REASONS = np.array(

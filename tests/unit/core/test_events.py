@@ -226,7 +226,7 @@ def estimate(**values: float) -> dict[str, Any]:
     ("cause", "values", "said"),
     [
         (Cause.NO_RULE, {"firing": 0.031}, "no rule matches well enough (0.031 of 0.05)"),
-        (Cause.HARSH, {"live_share": 0.15}, "15 % of 1.00 s are far from pulses, limit 20 %"),
+        (Cause.HARSH, {"live_share": 0.05}, "5 % of 1.00 s are far from pulses, limit 10 %"),
         (Cause.BEYOND_TRAINING, {"beyond": 2.0}, "residuals unlike the design's wheelset: no. 1 by 1.50 of its range"),
         (Cause.TOO_LITTLE_DATA, {"doubt": float(EstimateDoubt.GAPS), "live_share": 0.35},
          "35 % of 1.00 s hold consecutive measurements, limit 40 %"),
