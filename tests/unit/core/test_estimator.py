@@ -112,8 +112,9 @@ def test_without_a_rule_for_it_the_answer_is_unknown(design: Design) -> None:
 
 def test_estimate_with_many_pulses_is_doubted(design: Design) -> None:
     z = np.array(track(4.0))
-    for k in range(PER_S, len(z), 20):  # a pulse every tenth of a second
-        z[k : k + 6, 1, 0] += 2.0 * np.sin(np.pi * (np.arange(min(6, len(z) - k)) + 0.5) / 3)
+    for k in range(PER_S, len(z), 20):  # a pulse every tenth of a second, of both signals
+        z[k : k + 6, 1, 0] += 6.0 * np.sin(np.pi * (np.arange(min(6, len(z) - k)) + 0.5) / 3)
+        z[k + 4 : k + 10, 0, 0] += 0.12
     found = newest(SteppedEstimator(design, 1), z)
     assert found.doubt[0] == EstimateDoubt.HARSH
 
