@@ -94,7 +94,8 @@ def _message(table: Section, database: Database, name: str) -> Message:
     try:
         return find_message(database, name)
     except KeyError as e:
-        hint = suggest(name, [m.name for m in database.messages]) or table.line(message=TO_FILL_IN)
+        copied = f", or copy {name} from wrcd.dbc into it" if name.startswith("Adhesion_A") else ""
+        hint = suggest(name, [m.name for m in database.messages]) or table.line(message=TO_FILL_IN) + copied
         raise table.error(str(e.args[0]), declared.MESSAGE.name, hint) from None
     except ValueError as e:
         raise table.error(str(e), declared.MESSAGE.name, "mend the DBC, or send another message") from None

@@ -46,7 +46,8 @@ def propose_adhesion(draft: Proposal, dbc: DbcText, number: int, axles: int) -> 
     about = f"axle {number}, adhesion"
     if not mine:
         rest = f" ({', '.join(m.name for m in found[:5])})" if found else ""
-        what = f"no message looks like this axle's adhesion{rest}; the DBC needs one that nobody else sends"
+        ways = f"name one that nobody else sends, or copy Adhesion_A{number} from wrcd.dbc into the DBC"
+        what = f"no message looks like this axle's adhesion{rest}; {ways}"
         draft.add_todo(about, what, f"{draft.axle}.adhesion", 'adhesion = "Message"')
         return
     best, *others = mine
