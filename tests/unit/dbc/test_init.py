@@ -322,6 +322,20 @@ def test_what_is_proposed_doubted_and_open(name: str, tmp_path: Path) -> None:
     assert_kept("proposals", name, (line for line in ndiff(usual, draft.splitlines()) if line[0] in "+-"))
 
 
+def test_packaged_message_that_is_copied_into_a_dbc_is_sent(tmp_path: Path) -> None:
+    """The lines that the page names are all that it needs."""
+    proposal(tmp_path, USUAL)
+    own = (tmp_path / "own.dbc").read_text(encoding="utf-8")
+    packaged = resources.DBC.read_text(encoding="utf-8")
+    message = re.search(r"^BO_ 145 Adhesion_A1:.*?\n\n", packaged, re.MULTILINE | re.DOTALL)
+    assert message is not None
+    words = re.findall(r"^VAL_ 145 .*\n", packaged, re.MULTILINE)
+    file = tmp_path / "copied.dbc"
+    file.write_text(own.replace("BA_DEF_ ", message[0] + "BA_DEF_ ", 1) + "".join(words), encoding="utf-8")
+    sent = load_config(edited(written(file, tmp_path), WHEELSET)).axles[0].adhesion
+    assert set(sent.signals) == set(load_config(None).axles[0].adhesion.signals)
+
+
 def test_torque_of_a_bogie_is_shared_by_a_person(tmp_path: Path) -> None:
     gyros = {f"Imu_A{a}": IMU for a in range(1, 5)}
     draft = proposal(tmp_path, gyros | {f"Tcu_Bogie{b}": {"Torque": TORQUE} for b in (1, 2)})
