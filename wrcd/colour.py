@@ -17,6 +17,6 @@ def coloured(stream: TextIO) -> bool:
     return moves(stream)
 
 
-def moves(stream: TextIO) -> bool:
-    """Whether a stream is a terminal on which a line can be written anew."""
-    return stream.isatty() and os.environ.get("TERM") != "dumb"
+def moves(stream: TextIO | None) -> bool:
+    """Whether a stream is a terminal on which a line can be written anew. None: it was closed as the process began."""
+    return stream is not None and stream.isatty() and os.environ.get("TERM") != "dumb"

@@ -1,5 +1,6 @@
 """How far a long piece of work has come, on standard error."""
 
+import errno
 import os
 import sys
 import time
@@ -25,7 +26,8 @@ class Progress:
         if share is not None and share < self._share:
             self._began = self._before
         self._share, self._before = self._share if share is None else share, now
-        if now - self._shown < EVERY_S or not _in_front() if self._terminal else not self._steps:
+        is_due = now - self._shown >= EVERY_S and _in_front() if self._terminal else self._steps
+        if not is_due:
             return
         self._shown = now
         text = what if share is None else f"{what}: {100 * share:.0f} %"
@@ -44,5 +46,7 @@ def _in_front() -> bool:
     """Whether the terminal is this job's: a line of one in the background would run into what another writes."""
     try:
         return os.tcgetpgrp(sys.stderr.fileno()) == os.getpgrp()
-    except OSError:  # it is not the terminal that this session is controlled from
-        return True
+    except OSError as e:  # not the terminal that this session is controlled from; one that is gone gives another error
+        return e.errno in (errno.ENOTTY, None)
+    except ValueError:  # closed
+        return False

@@ -236,8 +236,10 @@ def _play_onto(
             print(fault_line(fault, began[fault], time.time_ns() // 1000), flush=True)
 
     rig = RealTime(scenario, bus, logger, truth, on_fault, ahead, train)
-    while not stop and rig.step():
-        progress.at(scenario.name, rig.time_s / scenario.duration_s)
-        time.sleep(rig.wait_s())
-    progress.end()
+    try:
+        while not stop and rig.step():
+            progress.at(scenario.name, min(rig.time_s / scenario.duration_s, 1.0))
+            time.sleep(rig.wait_s())
+    finally:
+        progress.end()
     return rig.tally

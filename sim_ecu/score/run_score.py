@@ -56,6 +56,8 @@ def run(
     """Play, judge, print; write the figures as JSON and draw them where requested: the suite map, else the goals."""
     check_output("--json", json_out)
     check_output("--plot", plot)
+    if plot is not None and plot.suffix.lower() != ".png":
+        raise InputError("takes .png", file=plot, key="--plot", hint="give this suffix")
     others = [_named(b) for b in beside]
     papers = paper_form_of(design)
     if papers is not None:

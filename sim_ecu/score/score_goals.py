@@ -29,7 +29,7 @@ never_above = partial(partial, Goal, never=True)
 # How often the estimator's own interval holds the truth, by a world's family: a level on the bus is rounded up, and
 # would hold it though the interval does not. There is no upper bound: the width is set for Valid and wrong.
 HOLDS: Mapping[str, float] = {AS_TRAINED: 0.87, WIDER: 0.8, UNSEEN: 0.7}
-VALID = 0.95  # share of the frames in every world
+VALID = 0.95  # share of the frames in every world that has goals
 LOSSES = 20.0  # of Valid, an axle-hour, where it is as trained
 # Share of the frames that are Valid and wrong, by world.
 VALID_AND_WRONG: Mapping[str, float] = {

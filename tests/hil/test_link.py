@@ -84,14 +84,18 @@ def test_every_frame_of_somebody_else_under_an_own_id_is_counted() -> None:
 
 
 def test_frames_that_a_full_buffer_loses_are_counted_one_by_one() -> None:
-    """A daemon that stands still. Frames that nobody wants do not fill its buffer."""
+    """A daemon that stands still. Frames that nobody wants do not fill its buffer. What it sends comes back to it, and is
+    lost, too, where it goes on with a slot before it has read: of its first slot then as many as find no room."""
     e = recorded("lost")
     lost = e.counted(r"lost (\d+) received frames")
     last = re.search(r"(\d+) frames accepted, rejected: (.*?);", e.said.splitlines()[-1])
     assert last is not None
     print(f"{len(e.inputs)} frames, {lost} lost, {last[0]}")
     assert lost > 1000
-    assert int(last[1]) + sum(map(int, re.findall(r"\d+", last[2]))) + lost == len(e.inputs)
+    own_us = [f.stamp_us for _, f in e.sent if f.stamp_us > e.mark("full")]
+    echoes = sum(us < own_us[0] + 100_000 for us in own_us)
+    counted = int(last[1]) + sum(map(int, re.findall(r"\d+", last[2]))) + lost
+    assert len(e.inputs) <= counted <= len(e.inputs) + echoes
     assert e.told(WRCD_STATUS, "ReceiveDrops", e.mark("full") - 1_000_000) == 0
 
 

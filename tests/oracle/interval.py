@@ -24,7 +24,7 @@ LEAST_PCT = 0.01  # a word of less is this: there is no logarithm of nothing
 NEWEST_SHARE = 0.5  # of the newest part's half-width that the interval is made to reach down to
 # More in use than the rules say there is: beyond the interval, and by this share of what they say, one is wrong.
 CONTRADICTION_SHARE, CONTRADICTION_PP = 0.2, 0.3
-# of the window that must hold data far from pulses: where pulses take more than gaps, and where gaps do
+# of the window that must hold data far from pulses, and data at all
 HARSH_SHARE, GAPS_SHARE = 0.1, 0.4
 MIN_M = 2.9  # the least way that a wheelset must have run to tell
 # The first that applies counts.
@@ -266,8 +266,9 @@ class Answers:
         applies = np.empty((len(_REASONS), len(spread)), dtype=bool)
         # of what is missing in the window, more was lost than is about pulses
         is_lost = 1.0 - s.heard_share > s.heard_share - s.live_share
-        np.less(s.live_share, np.where(is_lost, GAPS_SHARE, HARSH_SHARE), out=applies[1])
-        applies[0] = applies[1] & is_lost
+        is_blind = np.isnan(s.mean_square[:, 0])  # too few ticks are left for a residual
+        applies[0] = (s.heard_share < GAPS_SHARE) | (is_blind & is_lost)
+        applies[1] = (s.live_share < HARSH_SHARE) | is_blind
         np.greater(far, d.beyond, out=applies[2])
         np.equal(inference.rule, 0, out=applies[3])
         np.less(seconds * speed_m_s, MIN_M, out=applies[4])

@@ -324,6 +324,7 @@ def test_numbers_of_the_validity_table_are_those_of_the_code() -> None:
     assert "{:g} … {:g}".format(*configuration.RADIUS_SHARES) in condition["RadiusBeyond"]
     assert f"{terms.MIN_M:g} m" in condition["TooLittleData"]
     assert f"{terms.HARSH_SHARE:g} of the window" in condition["Harsh"]
+    assert f"{terms.GAPS_SHARE:g} of the window" in condition["TooLittleData"]
     noise = f"{100 * constant('DEAD_SHARE'):g} % of what the load carries"
     assert noise in condition["FrictionShareUnknown"]
     assert f"{constant('TRACTION_HELD_US') / 1000:g} ms" in condition["FrictionShareUnknown"]

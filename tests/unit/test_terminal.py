@@ -146,3 +146,18 @@ def test_only_a_job_in_front_writes_its_line(group: str, is_shown: bool) -> None
     os.close(master)
     assert (b"ride: 50 %" in said) == is_shown
     assert (said == b"end\r\n") != is_shown
+
+
+def test_terminal_that_has_gone_ends_no_job(monkeypatch: pytest.MonkeyPatch, clock: list[float]) -> None:
+    """As after `sim-ecu play … & disown` and a logout; and standard error that was closed as the process began."""
+    monkeypatch.setenv("TERM", "xterm")
+    master, slave = pty.openpty()
+    with os.fdopen(slave, "w") as stream:
+        monkeypatch.setattr(sys, "stderr", stream)
+        p = Progress()
+        os.close(master)
+        clock[0] += 1.0
+        p.at("ride", 0.5)
+        p.end()
+        monkeypatch.setattr(sys, "stderr", None)
+        Progress().at("ride", 0.5)

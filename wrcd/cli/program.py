@@ -94,8 +94,10 @@ class Program:
         parser, of_command = self._parsers(commands)
         args, unknown = parser.parse_known_args(argv)
         if unknown:  # the usage that helps is the command's
-            hint = " — a configuration is given with --config" if unknown[0].endswith(".toml") else ""
-            of_command[args.command].error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
+            parser = of_command[args.command]
+            is_config = any(word.endswith(".toml") for word in unknown) and "--config" in parser.format_usage()
+            hint = " — a configuration is given with --config" * is_config
+            parser.error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
         command = next(c for c in commands if c.name == args.command)
         own_signals = command.own_signals(args)
         return guarded(

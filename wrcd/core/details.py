@@ -99,14 +99,16 @@ class Details:
             return self._beyond(e["number"][:MODELS].tolist())
         live_share, window_s, doubt, mu, firing, used_pct, from_rules_pct, _ = e["number"].tolist()
         if cause is Cause.HARSH:
-            return f"{100 * live_share:.0f} % of {window_s:.2f} s are far from pulses, limit {100 * HARSH_SHARE:g} %"
+            limit = f"limit {100 * HARSH_SHARE:g} %" if live_share < HARSH_SHARE else "too few"
+            return f"{100 * live_share:.0f} % of {window_s:.2f} s are far from pulses, {limit}"
         if cause is Cause.NO_RULE:
             return f"no rule matches well enough ({firing:.3f} of {MIN_FIRING:g})"
         if cause is Cause.CONTRADICTION:
             return f"{self._name(TORQUE, e)}: {used_pct:.2f} % in use, the rules say {from_rules_pct:.2f} %"
         if doubt == EstimateDoubt.GAPS:
             share = f"{100 * live_share:.0f} % of {window_s:.2f} s"
-            return f"{share} hold consecutive measurements, limit {100 * GAPS_SHARE:g} %"
+            limit = f"limit {100 * GAPS_SHARE:g} %" if live_share < GAPS_SHARE else "too few"
+            return f"{share} hold consecutive measurements, {limit}"
         if not math.isfinite(mu):
             return f"{window_s:.2f} s of measurements are no estimate"
         return f"{window_s:.2f} s of track are less than {MIN_M:g} m"

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from wrcd.core.causes import OF_SENSOR, Validity
+from wrcd.core.causes import OF_SENDER, OF_SENSOR, Cause, Validity
 from wrcd.core.vocabulary import MESSAGES, words_of
 from wrcd.errors import InputError
 from wrcd.logs.rule_sentences import CORRECTED, model_words, rule_words
@@ -31,6 +31,8 @@ DETAIL_MAX_AGE_US = 300_000  # three cycles, as a receiver holds to
 INPUT_MAX_AGE_US = 1_000_000
 
 
+# causes that blame an input, or a value that it gives
+OF_INPUT = (*OF_SENSOR, *OF_SENDER, Cause.CONTRADICTION, Cause.LOAD_BEYOND, Cause.RADIUS_BEYOND)
 CONTACTS, SURFACES = words_of("adhesion", "ContactState"), words_of("adhesion", "Surface")
 CONFIDENCES, PLAUSIBILITIES = words_of("adhesion", "Confidence"), words_of("inputs", "Plausibility")
 
@@ -324,20 +326,28 @@ def _state(story: Story, e: Event) -> str:
 
 
 def _inputs(story: Story, axle: int, time_us: int) -> str:
-    """Whether an input may be why, or the rail: what was refused, stale or accused near the moment."""
-    health, detail = story.axle(axle).health, story.axle(axle).detail
-    if health is None or detail is None:
-        return "not known: the log lacks InputHealth or AdhesionDetail"
+    """Whether an input may be why, or the rail: what was refused, stale or blamed near the moment."""
     begin_us, end_us = time_us - REJECTS_NEAR_US, time_us + REJECTS_NEAR_US
-    rows = slice(*np.searchsorted(detail.time_us, (begin_us, end_us)))
-    accused = [e.name for e in _events(story, axle, begin_us, end_us) if e.cause in OF_SENSOR]
+    health, detail = story.axle(axle).health, story.axle(axle).detail
+    heard, shown = (
+        slice(0, 0) if record is None else slice(*np.searchsorted(record.time_us, (begin_us, end_us)).tolist())
+        for record in (health, detail)
+    )
+    blamed = [e.name for e in _events(story, axle, begin_us, end_us) if e.cause in OF_INPUT]
+    stale = [] if detail is None else [q for q in range(len(INPUT_NAMES)) if detail.stale[shown, q].any()]
     found = {
         "refused": _refused(story, axle, time_us),
-        "stale": ", ".join(name for q, name in enumerate(INPUT_NAMES) if detail.stale[rows, q].any()),
-        "accused": ", ".join(dict.fromkeys(accused)),
+        "stale": ", ".join(INPUT_NAMES[q] for q in stale),
+        "blamed": ", ".join(dict.fromkeys(blamed)),
     }
-    text = "; ".join(f"{what} {which}" for what, which in found.items() if which)
-    return text or f"none refused, stale or accused within {REJECTS_NEAR_US * 1e-6:.0f} s: nothing points to an input"
+    parts = [f"{what} {which}" for what, which in found.items() if which]
+    near = f"within {REJECTS_NEAR_US * 1e-6:.0f} s"
+    parts += [
+        f"no {name} {near}"
+        for name, rows in (("InputHealth", heard), ("AdhesionDetail", shown))
+        if rows.start == rows.stop
+    ]
+    return "; ".join(parts) or f"none refused, stale or blamed {near}: nothing points to an input"
 
 
 def _refused(story: Story, axle: int, time_us: int) -> str:

@@ -58,7 +58,7 @@ def parts(root: Path) -> Iterator[InstalledPart]:
         words = "installed" if is_there else "not installed"
         yield InstalledPart(f"extra {extra}", words, is_there or None, install_hint(extra))
     candump = shutil.which("candump")
-    yield InstalledPart("candump", candump or "none", bool(candump) or None, "to see frames without wrcd: can-utils")
+    yield InstalledPart("candump", candump or "none", bool(candump) or None, "apt install can-utils, to see frames")
     yield from _units(root)
     yield from _configurations(root / "etc/wrcd")
 

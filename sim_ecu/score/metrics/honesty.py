@@ -42,9 +42,11 @@ def losses(traces: Sequence[Trace]) -> Figure:
     lost, runs = [], []
     for t in traces:
         now = valid(t)[t.time_s >= t.judged_from_s]
+        if len(now) < 2:
+            continue
         lost.append(np.append(False, now[:-1] & ~now[1:]) * (3600.0 / period_s(t)))
         runs.append(np.full(len(now), t.run, np.int64))
-    return bootstrap.mean(np.concatenate(lost), np.concatenate(runs))
+    return bootstrap.mean(np.concatenate(lost), np.concatenate(runs)) if lost else bootstrap.NOTHING
 
 
 def coverage(f: JudgedFrames) -> Figure:

@@ -124,8 +124,8 @@ def test_moment_within_a_time_not_valid_is_compared_with_before_and_after_it(con
     assert (before.time_us, after.time_us) == (at_s(4.02) - 1, at_s(6.32))
 
 
-def test_answer_names_inputs_that_were_refused_stale_or_accused_or_that_none_was(config: Config) -> None:
-    """At 2 s, from 0 to 4 s: one input refused, another stale in one frame, then a sensor accused."""
+def test_answer_names_inputs_that_were_refused_stale_or_blamed_or_that_none_was(config: Config) -> None:
+    """At 2 s, from 0 to 4 s: one input refused, another stale in one frame, then a sensor blamed."""
 
     def inputs(d: Detail | None, h: HealthRecord | None, *events: Event) -> str:
         made = story(config, axle(adhesion(np.full(500, 30.0)), d, h, events=[event(0, 10, Validity.VALID), *events]))
@@ -134,7 +134,7 @@ def test_answer_names_inputs_that_were_refused_stale_or_accused_or_that_none_was
     d = detail(500)
     never = np.full((100, 4), -1, np.int8)
     h = HealthRecord(d.time_us, never.astype(np.uint8), never, never[:, 0], never[:, 0] > 0, never[:, 0] > 0)
-    nothing = "none refused, stale or accused within 2 s: nothing points to an input"
+    nothing = "none refused, stale or blamed within 2 s: nothing points to an input"
     assert inputs(d, h) == nothing
     late = replace(h, refused=np.where((np.arange(100) > 50)[:, None], 1, never).astype(np.int8))  # from 5 s on
     assert inputs(d, late, event(9, 10, Validity.DEGRADED, Cause.GYRO_DEAD)) == nothing
@@ -142,12 +142,18 @@ def test_answer_names_inputs_that_were_refused_stale_or_accused_or_that_none_was
     stale[15, 1] = True
     refused = never.copy()
     refused[20, 0] = 1
-    accused = event(3, 5, Validity.DEGRADED, Cause.GYRO_DEAD)
-    assert inputs(replace(d, stale=stale), replace(h, refused=refused), accused) == (
-        f"refused yaw rate: {REASONS[1]}; stale lateral acceleration; accused GyroDead"
+    blamed = event(3, 5, Validity.DEGRADED, Cause.GYRO_DEAD)
+    assert inputs(replace(d, stale=stale), replace(h, refused=refused), blamed) == (
+        f"refused yaw rate: {REASONS[1]}; stale lateral acceleration; blamed GyroDead"
     )
-    unknown = "not known: the log lacks InputHealth or AdhesionDetail"
-    assert inputs(d, None) == inputs(None, h) == unknown
+    for cause in (Cause.SENSOR_DEGRADED, Cause.CONTRADICTION, Cause.LOAD_BEYOND):
+        assert inputs(d, h, event(3, 5, Validity.DEGRADED, cause)) == f"blamed {cause.label}"
+    assert inputs(d, h, event(3, 5, Validity.DEGRADED, Cause.NO_RULE)) == nothing
+    # what is known is named where the rest is not, also where no frame came near the moment
+    assert inputs(d, None) == "no InputHealth within 2 s"
+    assert inputs(None, replace(h, refused=refused)) == f"refused yaw rate: {REASONS[1]}; no AdhesionDetail within 2 s"
+    later = replace(h, time_us=h.time_us + 10_000_000)
+    assert inputs(d, later) == "no InputHealth within 2 s"
 
 
 @pytest.mark.parametrize(("sends", "reason"), [(True, "the log has"), (False, "the configuration sends")])

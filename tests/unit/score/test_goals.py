@@ -1,5 +1,6 @@
 """The goals of `sim-ecu score`: --fail-on missed, and what a quick one judges."""
 
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ from sim_ecu.design.brief import load_source
 from sim_ecu.reporting.values import CHANCE, MET, MET_CHANCE, MISSED, TOO_FEW, Figure
 from sim_ecu.reporting.verdicts import MIN_QUICK_RUNS, Goal
 from sim_ecu.score import run_score
-from sim_ecu.score.goal_drawing import beyond
+from sim_ecu.score.goal_drawing import beyond, write_picture
 from sim_ecu.score.report import judge
 from sim_ecu.score.score_goals import goals
 from sim_ecu.score.suites import runs
@@ -56,6 +57,18 @@ def test_status_is_that_of_the_goals_where_it_was_asked_for(
 )  # fmt: skip
 def test_picture_of_goals_is_right_of_1_where_one_is_missed(goal: dict[str, Any], value: float, ratio: float) -> None:
     assert beyond(goal, value) == pytest.approx(ratio)
+
+
+def test_picture_of_goals_takes_what_is_not_known_and_none(tmp_path: Path) -> None:
+    unknown = Goal("x", Figure(math.nan, math.nan, math.nan, 3, 3), 1.0).record()
+    for goals_of in ([], [unknown, GOAL]):
+        write_picture(goals_of, tmp_path / "goals.png")
+        assert (tmp_path / "goals.png").stat().st_size > 5000
+
+
+def test_picture_is_a_png(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["score", "--suite", "paper", "--plot", str(tmp_path / "x.svg")]) == 2
+    assert "--plot: takes .png" in capsys.readouterr().err
 
 
 def figure(value: float, runs: int) -> Figure:

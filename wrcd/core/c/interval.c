@@ -35,7 +35,9 @@ static double doubted(const wrcd_design *d, double spread, const window_answer *
     const double few = held(LOW_FIRING / greater(best->rules.firing, 1e-9), 1.0, 3.0);
     const window_statistics *s = &best->s;
     const bool is_lost = 1.0 - s->heard_share > s->heard_share - s->live_share;
-    out->doubt = s->live_share < (is_lost ? GAPS_SHARE : HARSH_SHARE) ? (is_lost ? WRCD_GAPS : WRCD_HARSH)
+    const bool is_blind = isnan(s->mean_square[0]); /* too few ticks are left for a residual */
+    out->doubt = s->heard_share < GAPS_SHARE || (is_blind && is_lost) ? WRCD_GAPS
+        : s->live_share < HARSH_SHARE || is_blind ? WRCD_HARSH
         : far > d->beyond ? WRCD_BEYOND_TRAINING
         : best->rules.rule == 0 ? WRCD_NO_RULE
         : s->ticks * d->tick_s * speed_m_s < MIN_M ? WRCD_SHORT : WRCD_NO_DOUBT;

@@ -26,7 +26,7 @@ _Static_assert((int)IN_BANDS + (int)BAND_COLUMNS == (int)WRCD_COLUMNS, "what the
 /* Below this total firing no rule speaks for the moment: the answer is "I don't know", not a guess. */
 static const double MIN_FIRING = 0.05;
 static const double LOG_SPREADS[2] = {-2.7, 0.3}; /* no interval is narrower or wider than this, over the adhesion (log10) */
-static const double HARSH_SHARE = 0.1, GAPS_SHARE = 0.4; /* least of the window far from pulses: pulses, or gaps, take more */
+static const double HARSH_SHARE = 0.1, GAPS_SHARE = 0.4; /* least of the window far from pulses; least with data */
 static const double MIN_M = 2.9;       /* the least way that a wheelset must have run for an estimate */
 static const double CERTAIN = 14.0;    /* log odds of a pair's state: no more than this is kept */
 static const double MAX_FEATURE = 5.0; /* standard deviations of a feature of a pair */
