@@ -84,7 +84,7 @@ def test_every_frame_of_somebody_else_under_an_own_id_is_counted() -> None:
 
 
 def test_frames_that_a_full_buffer_loses_are_counted_one_by_one() -> None:
-    """A daemon that stands still. Frames that nobody wants do not fill its buffer. What it sends comes back to it: where
+    """A daemon that stands still. Frames that nobody wants do not fill its buffer. What it sends comes back: where
     it goes on with a slot before it has read, that finds no room, either."""
     e = recorded("lost")
     lost = e.counted(r"lost (\d+) received frames")
