@@ -119,6 +119,19 @@ def test_estimate_with_many_pulses_is_doubted(design: Design) -> None:
     assert found.doubt[0] == EstimateDoubt.HARSH
 
 
+@pytest.mark.parametrize(
+    ("held", "doubt"),
+    [(0.1, EstimateDoubt.GAPS), (0.36, EstimateDoubt.GAPS), (0.44, EstimateDoubt.NONE), (0.6, EstimateDoubt.NONE)],
+)
+def test_estimate_with_many_gaps_is_doubted(design: Design, held: float, doubt: EstimateDoubt) -> None:
+    """Measurements in a share of every quarter of a second, on both sides of the limit of the window; also so few that
+    there is no residual."""
+    z = np.array(track(4.0))
+    is_gap = np.arange(len(z)) % 50 >= held * 50
+    z[PER_S:][is_gap[PER_S:]] = np.nan
+    assert newest(SteppedEstimator(design, 1), z).doubt[0] == doubt
+
+
 def test_gains_do_not_toggle_with_the_speeds_noise(design: Design) -> None:
     """Near an edge of the old steps of 0.1 m/s the innovations are those of a constant speed."""
     z = track(6.0)

@@ -227,9 +227,12 @@ def estimate(**values: float) -> dict[str, Any]:
     [
         (Cause.NO_RULE, {"firing": 0.031}, "no rule matches well enough (0.031 of 0.05)"),
         (Cause.HARSH, {"live_share": 0.05}, "5 % of 1.00 s are far from pulses, limit 10 %"),
+        (Cause.HARSH, {"live_share": 0.45}, "45 % of 1.00 s are far from pulses, too few"),
         (Cause.BEYOND_TRAINING, {"beyond": 2.0}, "residuals unlike the design's wheelset: no. 1 by 1.50 of its range"),
         (Cause.TOO_LITTLE_DATA, {"doubt": float(EstimateDoubt.GAPS), "live_share": 0.35},
          "35 % of 1.00 s hold consecutive measurements, limit 40 %"),
+        (Cause.TOO_LITTLE_DATA, {"doubt": float(EstimateDoubt.GAPS), "live_share": 0.45},
+         "45 % of 1.00 s hold consecutive measurements, too few"),
         (Cause.TOO_LITTLE_DATA, {"window_s": 0.2}, "0.20 s of track are less than 2.9 m"),
         (Cause.TOO_LITTLE_DATA, {"mu_available_pct": np.nan}, "1.00 s of measurements are no estimate"),
         (Cause.CONTRADICTION, {"used_pct": 12.3, "mu_from_rules_pct": 8.0},
